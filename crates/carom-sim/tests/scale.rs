@@ -156,6 +156,7 @@ fn scaled(path: &Path, by: Factors, folder: &Path) -> Scene {
     // Times that the original has by default.
     run.insert("zeno_time".into(), Value::Float(original.simulation.zeno_time * by.time));
     run.insert("contact_step".into(), Value::Float(original.simulation.contact_step * by.time));
+    run.insert("max_step".into(), Value::Float(original.simulation.max_step * by.time));
     let robot = |table: &mut Table, number: usize| {
         let urdf = path.parent().unwrap().join(table["urdf"].as_str().unwrap());
         let text = std::fs::read_to_string(&urdf).unwrap();
@@ -256,4 +257,24 @@ fn scenes_in_masses_of_a_thousandth_have_the_same_motion() {
 #[test]
 fn scenes_in_masses_of_a_thousand_have_the_same_motion() {
     check("heavy", Factors { mass: 1024.0, ..Factors::ONE });
+}
+
+#[test]
+fn scenes_in_lengths_of_a_thousandth_have_the_same_motion() {
+    check("small", Factors { length: 1.0 / 1024.0, ..Factors::ONE });
+}
+
+#[test]
+fn scenes_in_lengths_of_a_thousand_have_the_same_motion() {
+    check("large", Factors { length: 1024.0, ..Factors::ONE });
+}
+
+#[test]
+fn scenes_in_times_of_a_hundredth_have_the_same_motion() {
+    check("short", Factors { time: 1.0 / 128.0, ..Factors::ONE });
+}
+
+#[test]
+fn scenes_in_times_of_thirty_have_the_same_motion() {
+    check("long", Factors { time: 32.0, ..Factors::ONE });
 }

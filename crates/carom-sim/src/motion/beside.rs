@@ -14,7 +14,7 @@ use super::lasting::{Hold, Lasting};
 use super::rows::Contact;
 use super::smooth::Motion;
 use crate::error::SimError;
-use crate::state::{Basis, ContactImpulse, Space};
+use crate::state::{Basis, ContactImpulse, EXACT, Space};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, MatrixXx3, Vector3};
 
 /// See the head of this module.
@@ -30,9 +30,6 @@ pub(crate) struct Beside {
     pub position: Vector3<f64>,
     pub normal: Vector3<f64>,
 }
-
-/// Impulses outside their cones by this share of the largest are rounding.
-const ROUNDING: f64 = 1e-12;
 
 impl<A: Space> Motion<'_, A> {
     /// The inertia at a touch beside the lasting contacts; `None` if one of them slides with friction, so that its impulse is
@@ -80,7 +77,7 @@ impl<A: Space> Motion<'_, A> {
     /// `None` if one of these pulls or leaves its friction cone.
     pub fn carried(&self, beside: &Beside, impulse: &Vector3<f64>) -> Option<(DVector<f64>, Vec<ContactImpulse>)> {
         let passed = -(&beside.passed * impulse);
-        let rounding = ROUNDING * impulse.norm();
+        let rounding = EXACT * impulse.norm();
         let mut impulses = Vec::new();
         for contact in &beside.contacts {
             let own = &passed.as_slice()[contact.rows.clone()];

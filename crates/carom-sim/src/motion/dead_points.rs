@@ -14,16 +14,13 @@
 use super::assembled::Assembled;
 use super::held::Detail;
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
-use super::select::TIE;
 use super::smooth::Motion;
 use crate::error::SimError;
-use crate::state::{Basis, Space};
+use crate::state::{Basis, EQUAL, EXACT, Space};
 use carom_chain::Rows;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
-/// A row whose inverse inertia with the rows that hold is below this share of that without constraints is at a dead point.
-const DEAD: f64 = 1e-12;
 /// A velocity counts as zero if setting it to zero changes others by up to this many times [`Motion::rest`].
 const MORE: f64 = 100.0;
 
@@ -42,7 +39,7 @@ impl<A: Space> Motion<'_, A> {
         let joints: Vec<bool> = joints.collect();
         let stops = |own: &Lasting| own.hold == Hold::Sticks && !self.lasting.contains(own);
         let contacts: Vec<bool> = entries.iter().filter(|own| own.is_rigid()).map(stops).collect();
-        let moves = self.split(y).1.iter().any(|v| v.abs() > MORE * self.rest());
+        let moves = self.scale.fastest(self.split(y).1) > MORE * self.rest();
         if !moves || !contacts.iter().chain(&joints).any(|stops| *stops) {
             return Ok(());
         }
@@ -85,7 +82,7 @@ impl<A: Space> Motion<'_, A> {
     ) -> Result<Option<DVector<f64>>, SimError> {
         let own = |of: &DMatrix<f64>| of.rows(tested.start, tested.len()).into_owned();
         let acceleration = own(&left.accelerations).column(0).into_owned();
-        if acceleration.norm() <= TIE * left.largest {
+        if acceleration.norm() <= EQUAL * left.largest {
             return Ok(None); // the other constraints keep it at rest
         }
         let toward = acceleration.normalize();
@@ -103,8 +100,9 @@ impl<A: Space> Motion<'_, A> {
             .map(|(i, x)| x * found.constraints.rows.dot(i, response.as_slice()))
             .sum();
         // The change of other velocities, and of the energy: velocities may have other units than that of the row.
-        let more = response.amax() * velocity > most * yields && velocity.powi(2) * alone > most.powi(2) * yields;
-        Ok((yields <= DEAD * alone || more).then_some(toward))
+        let more = self.scale.fastest(response.iter()) * velocity > most * yields
+            && velocity.powi(2) * alone > most.powi(2) * yields;
+        Ok((yields <= EXACT * alone || more).then_some(toward))
     }
 }
 

@@ -17,12 +17,10 @@ use super::lasting::{Dry, DryJoint, Hold, Lasting};
 use super::rows::Contact;
 use super::smooth::Motion;
 use crate::error::SimError;
-use crate::state::{Basis, Space};
+use crate::state::{Basis, EQUAL, Space};
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
-/// Forces are admissible up to this share of the largest.
-const ROUNDING: f64 = 1e-9;
 const STEPS: usize = 50;
 
 /// What the forces of some rows may be.
@@ -88,7 +86,7 @@ fn least(gram: &DMatrix<f64>, given: &DVector<f64>, admitted: &[Admitted]) -> Op
     let mut now = at(&eta);
     for _ in 0..STEPS {
         let (forces, slope, error) = &now;
-        if error.amax() <= ROUNDING * ROUNDING.sqrt() * wanted.amax() {
+        if error.amax() <= EQUAL * EQUAL.sqrt() * wanted.amax() {
             return Some(forces.clone());
         }
         let step = (&own * slope * &spread).lu().solve(error)?;
@@ -101,7 +99,7 @@ fn least(gram: &DMatrix<f64>, given: &DVector<f64>, admitted: &[Admitted]) -> Op
         (eta, now) = next;
     }
     let (forces, _, error) = now;
-    (error.amax() <= ROUNDING * wanted.amax()).then_some(forces)
+    (error.amax() <= EQUAL * wanted.amax()).then_some(forces)
 }
 
 impl<A: Space> Motion<'_, A> {
@@ -112,11 +110,11 @@ impl<A: Space> Motion<'_, A> {
         let largest = held.contacts.iter().fold(0.0, |most: f64, own| most.max(own.normal_force.abs()));
         let admissible = self.lasting.iter().zip(&held.contacts).all(|(own, force)| match own.hold {
             Hold::Latched | Hold::Presses { .. } => true,
-            Hold::Sticks => force.normal_force.min(force.cone(mu(own))) >= -ROUNDING * largest,
-            Hold::Slides { .. } | Hold::Starts { .. } => force.normal_force >= -ROUNDING * largest,
+            Hold::Sticks => force.normal_force.min(force.cone(mu(own))) >= -EQUAL * largest,
+            Hold::Slides { .. } | Hold::Starts { .. } => force.normal_force >= -EQUAL * largest,
         });
         let holds = |(joint, force): (&DryJoint, &f64)| {
-            joint.state != Dry::Holds || force.abs() <= (1.0 + ROUNDING) * joint.friction
+            joint.state != Dry::Holds || force.abs() <= (1.0 + EQUAL) * joint.friction
         };
         if admissible && self.dry.iter().zip(&held.joints).all(holds) {
             return Ok(());

@@ -1,7 +1,7 @@
 //! The equations K λ = b of the forces of several constraints, factored once for any number of right-hand sides.
 //!
 //! Symbols as in `held.rs`. Most rows are clearly independent, and this shows in the symmetric part S = ½ (K + Kᵀ): where it is positive
-//! definite, xᵀK x = xᵀS x > 0 for every x ≠ 0. So K is regular, and with x = K⁻¹eᵢ a unit force along row i, the others held, moves
+//! definite, with pivots above 1e-6 of the terms of their row, xᵀK x = xᵀS x > 0 for every x ≠ 0. So K is regular, and with x = K⁻¹eᵢ a unit force along row i, the others held, moves
 //! this row with it: (K⁻¹)ᵢᵢ > 0, which makes sliding consistent. Otherwise R M⁻¹ Rᵀ tells which rows are independent.
 //!
 //! Where the motion depends on how forces are distributed (F ≠ R), contacts that would pull by the convention have no force, one after
@@ -10,16 +10,9 @@
 use super::assembled::Assembled;
 use super::lasting::Hold;
 use super::rows::Contact;
-use crate::state::{Basis, Spread};
+use crate::state::{Basis, CLEAR, EXACT, Spread};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, LU};
 use std::ops::Range;
-
-/// Pivots of S above this share of the terms of their row belong to independent rows: far above the share of [`Basis`] that decides.
-const INDEPENDENT: f64 = 1e-6;
-/// A force moves its row, the others held, by more than this share of what a force along R moves it alone.
-const YIELDS: f64 = 1e-12;
-/// Forces below this share of the largest are rounding.
-const ROUNDING: f64 = 1e-12;
 
 /// Factored equations.
 pub(crate) enum Equations {
@@ -56,7 +49,7 @@ impl Redundant {
         let (mut found, mut left_out, mut changed) = (convention.clone(), Vec::new(), None);
         loop {
             let normal = |rows: &&Range<usize>| found[(rows.end - 1, 0)];
-            let pulls = self.pushing.iter().filter(|rows| normal(rows) < -ROUNDING * found.amax());
+            let pulls = self.pushing.iter().filter(|rows| normal(rows) < -EXACT * found.amax());
             let Some(worst) = pulls.min_by(|a, b| normal(a).total_cmp(&normal(b))) else { break };
             left_out.push(worst.clone());
             let Some((spread, forces)) = self.without(&left_out, wanted) else { return Some(convention) };
@@ -79,7 +72,7 @@ impl Equations {
         let (m, skew) = (k.nrows(), !constraints.skewed.is_empty());
         if m == 1 {
             // A unit force must open the gap; NaN does not.
-            let opens = k[(0, 0)] > 0.0 && (!skew || k[(0, 0)] > YIELDS * found.terms(0));
+            let opens = k[(0, 0)] > 0.0 && (!skew || k[(0, 0)] > EXACT * found.terms(0));
             match (opens, constraints.contacts.is_empty()) {
                 (true, _) => return Ok(Some(Self::Regular(k.lu()))),
                 (false, false) => return Err(0),
@@ -90,7 +83,7 @@ impl Equations {
         if let Some(factor) = symmetric.cholesky() {
             let l = factor.l_dirty();
             let least = Basis::least(&k);
-            if (0..m).all(|i| l[(i, i)] * l[(i, i)] > INDEPENDENT * found.terms(i).max(least)) {
+            if (0..m).all(|i| l[(i, i)] * l[(i, i)] > CLEAR * found.terms(i).max(least)) {
                 return Ok(Some(if skew { Self::Regular(k.lu()) } else { Self::Symmetric(factor) }));
             }
         }
@@ -116,7 +109,7 @@ impl Equations {
             let row = contact.rows.start;
             let mut force = DVector::zeros(m);
             force[row] = 1.0;
-            let yields = factor.solve_mut(&mut force) && 1.0 / force[row] > YIELDS * gram[(row, row)]; // false for NaN
+            let yields = factor.solve_mut(&mut force) && 1.0 / force[row] > EXACT * gram[(row, row)]; // false for NaN
             if !yields {
                 return Err(row);
             }

@@ -4,7 +4,7 @@ use super::lasting::Lasting;
 use crate::contact::{APART, BallOnPlane, Pair, Passing, Placed, Touch, TouchKind};
 use crate::error::SimError;
 use crate::model::Simulation;
-use crate::state::{Space, View};
+use crate::state::{EQUAL, Space, View};
 use carom_contact::Meeting;
 use std::cell::Cell;
 use std::sync::Arc;
@@ -22,12 +22,10 @@ pub(crate) struct Group {
 
 /// The corners of a hull on a plane are watched together if there are more than this.
 const MANY: usize = 32;
-/// Pairs with a gap above this are open, m: their contacts are not examined one by one.
+/// Share of a body's size: pairs with a gap above this are open, and their contacts are not examined one by one.
 const NEAR: f64 = 1e-3;
 /// Share of a body's size: the gap of bodies that are separated by more is given by its lower bound.
 const FAR: f64 = 0.02;
-/// Gaps of parts up to this above that of the bodies are the same contact, m.
-const SAME: f64 = 1e-9;
 
 impl Group {
     /// The groups of these touches.
@@ -176,7 +174,7 @@ impl<'a, A: Space> Gaps<'a, A> {
                     Some(part) if self.is_nearest(part, &placed) => least,
                     _ => self.look(touch, view, state, time)?,
                 };
-                if least.0 <= whole.0 + SAME { (APART, 0.0) } else { whole }
+                if least.0 <= whole.0 + EQUAL * self.groups[group].pair.size() { (APART, 0.0) } else { whole }
             }
         };
         *last = Some((group, placed));
@@ -298,7 +296,7 @@ impl<'a, A: Space> Gaps<'a, A> {
     }
 
     /// Gaps and gap rates of all touches, in their order, without those of bodies and corners that are apart by more than
-    /// [`NEAR`]. Of parts that do not face each other they are [`APART`].
+    /// a share [`NEAR`] of the size of a body. Of parts that do not face each other they are [`APART`].
     pub fn all(
         &self,
         lasting: &[Lasting],
@@ -311,12 +309,13 @@ impl<'a, A: Space> Gaps<'a, A> {
             gaps.push((k, self.look(k, view, state, time)?));
         }
         for (g, group) in self.groups.iter().enumerate() {
-            if !self.lasts(g, lasting) && self.of_group(g, view, state, time)?.0 > NEAR {
+            let open = NEAR * group.pair.size();
+            if !self.lasts(g, lasting) && self.of_group(g, view, state, time)?.0 > open {
                 continue;
             }
             let placed = self.placed(g, view, state.1, time)?;
             let parts = group.parts.iter().zip(&group.meetings);
-            let near = parts.filter(|(_, meeting)| !is_above(&group.pair, **meeting, &placed, NEAR));
+            let near = parts.filter(|(_, meeting)| !is_above(&group.pair, **meeting, &placed, open));
             gaps.extend(near.map(|(&k, meeting)| (k, group.pair.look(*meeting, &placed))));
             // Bodies on a half-space touch it with their corners and rims only.
             if let Some(k) = group.whole.filter(|_| !(group.pair.is_complete() && group.pair.is_on_plane())) {

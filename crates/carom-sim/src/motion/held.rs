@@ -25,6 +25,7 @@ use super::assembled::{Assembled, ConstraintForces, Force};
 use super::equations::Equations;
 use super::lasting::{Dry, Hold, Lasting};
 use super::rows::push;
+use super::select::SLOWEST;
 use super::smooth::Motion;
 use crate::contact::{At, Memory};
 use crate::error::SimError;
@@ -67,11 +68,11 @@ impl<A: Space> Motion<'_, A> {
         let sim = self.sim;
         let one = &sim.touches[touch];
         let shake = one.motion.as_ref().map_or(0.0, |motion| motion.frequency());
-        let speed = qd.iter().fold(shake, |m, x| m.max(x.abs()));
+        let speed = shake.max(self.scale.fastest(qd) / self.scale.length);
         if speed == 0.0 {
             return Ok((0.0, Vector3::zeros()));
         }
-        let h = 1e-4 / speed.max(1e-3);
+        let h = 1e-4 / speed.max(SLOWEST * self.scale.pace);
         let (mut rate, mut u) = (0.0, Vector3::zeros());
         let mut unit = q.to_vec();
         sim.normalise(&mut unit);

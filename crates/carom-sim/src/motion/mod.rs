@@ -17,6 +17,7 @@ mod settle;
 mod smooth;
 mod starting;
 mod unique;
+mod zero;
 
 pub(crate) use assembled::ConstraintForces;
 pub use contact_states::ContactState;
@@ -28,3 +29,4 @@ pub(crate) use rows::{Constraints, Contact, Level, direction_of_slip, push};
 pub(crate) use select::Candidate;
 pub(crate) use smooth::{Kept, Motion, bristles};
 pub use unique::NonUnique;
+pub(crate) use zero::Scale;

@@ -12,7 +12,7 @@
 //!
 //! It is solved by [`SeveralProblem::simultaneous`]. The solution determines the modes: a contact with λ_n > 0 is loaded, one
 //! with a_n > 0 opens. Where both are zero, or where a force is on the border of its cone at rest, the next derivative decides:
-//! the problem is solved again at a state a short time ahead.
+//! the problem is solved again at a state a short time ahead: 1e-6 of the time in which the state changes by its own size.
 
 use super::assembled::Assembled;
 use super::equations::Equations;
@@ -20,9 +20,10 @@ use super::held::Detail;
 use super::lasting::{Dry, Hold, Lasting};
 use super::rows::{direction_of_slip, push};
 use super::smooth::Motion;
+use super::zero::Scale;
 use crate::contact::UNSOLVED;
 use crate::error::SimError;
-use crate::state::{Basis, Space};
+use crate::state::{Basis, CLEAR, EQUAL, EXACT, Space};
 use carom_impact::{Accuracy, SeveralProblem};
 use nalgebra::{DVector, Vector3};
 use std::cell::OnceCell;
@@ -30,20 +31,9 @@ use std::ops::Range;
 
 /// Accuracy of the complementarity problem, relative to the largest acceleration without forces. Problems that are solved at all take
 /// less than a hundred iterations from the first start, which gets a seventh of these; others often have no solution.
-pub(super) const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 1000 };
-/// Forces and accelerations below this share of the largest are undecided.
-pub(super) const TIE: f64 = 1e-9;
-/// Forces outside their cones by this share of the largest are still a start for the solver.
-const NEARLY: f64 = 1e-6;
-/// Time ahead of the state that decides ties, relative to the time in which the state changes by its own size.
-const AHEAD: f64 = 1e-6;
-
-/// [`Motion::noise`] as a share of the tolerance. After every step the state is projected onto its constraints, so that slip is far more
-/// exact than the tolerance.
-const NOISE: f64 = 1e-2;
-/// Tolerances below this do not refine the direction of slip: where slip is slow its direction relaxes at a rate of the friction
-/// acceleration over the slip, and an explicit integrator would have to resolve it.
-const FINEST: f64 = 1e-6;
+pub(super) const ACCURACY: Accuracy = Accuracy { tolerance: EXACT, max_iterations: 1000 };
+/// The slowest motion whose own time decides how far ahead of a state ties are decided, over the pace of the scene.
+pub(super) const SLOWEST: f64 = 1e-3;
 
 /// A closed contact before its mode is decided.
 #[derive(Debug, Clone, Copy)]
@@ -67,34 +57,6 @@ pub(super) struct Solution {
 }
 
 impl<A: Space> Motion<'_, A> {
-    /// Velocities below this count as zero, m/s, rad/s: a multiple of their error. A velocity of this size stops
-    /// within a time t of the same size, so setting it to zero changes positions by its square.
-    pub fn rest(&self) -> f64 {
-        10.0 * self.noise()
-    }
-
-    /// Approach velocities of a part beside another part of the same bodies below this count as zero, m/s: a small share of
-    /// [`Motion::rest`], because parts can be so near each other that a fast turn about one is a slow approach of the other.
-    pub fn still(&self) -> f64 {
-        0.01 * self.rest()
-    }
-
-    /// The error of velocities along constraints, m/s, rad/s: slip below it has no direction of its own.
-    pub fn noise(&self) -> f64 {
-        let tolerance = self.sim.tolerance;
-        NOISE * (tolerance.max(FINEST) * self.speed).max(tolerance)
-    }
-
-    /// Gaps below this count as closed where the contact has no normal velocity, m.
-    pub fn closed(&self) -> f64 {
-        self.sim.tolerance.min(1e-9)
-    }
-
-    /// Bodies that touch overlap by more than this only where another contact of their parts was missed, m.
-    pub fn overlaps(&self) -> f64 {
-        10.0 * self.sim.tolerance.max(1e-9)
-    }
-
     /// The candidate of a touch at its present slip.
     pub fn candidate(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<Candidate, SimError> {
         let (q, qd) = self.split(y);
@@ -118,12 +80,13 @@ impl<A: Space> Motion<'_, A> {
     /// found.
     pub fn select(&mut self, candidates: &[Candidate], time: f64, y: &mut [f64]) -> Result<bool, SimError> {
         let nq = self.sim.chain.nq();
-        let rest = self.rest();
         self.close_loops(y)?;
         let before = self.dry.clone();
+        let rest = self.rest();
         for joint in &mut self.dry {
             let rate = y[nq + joint.v];
-            joint.state = if rate.abs() > rest { Dry::Brakes(rate.signum()) } else { Dry::Holds };
+            joint.state =
+                if rate.abs() > self.scale.joint(joint.v, rest) { Dry::Brakes(rate.signum()) } else { Dry::Holds };
         }
         let mut entries: Vec<Lasting> = candidates.iter().map(|candidate| self.entry(candidate)).collect();
         self.pass_dead_points(&mut entries, &before, (time, y))?;
@@ -153,7 +116,7 @@ impl<A: Space> Motion<'_, A> {
         let start = self.margin_forces.take();
         let solved = self.complementarity((time, y), &lasting, &mut found, start.as_ref())?;
         // The rows of contacts at rest and the normal rows of the others.
-        let margin = solved.as_ref().map_or(-1.0, |found| 10.0 * TIE - found.acceleration.amax() / found.scale[0]);
+        let margin = solved.as_ref().map_or(-1.0, |found| 10.0 * EQUAL - found.acceleration.amax() / found.scale[0]);
         self.margin_forces = solved.map(|solution| solution.force);
         Ok(margin)
     }
@@ -199,10 +162,10 @@ impl<A: Space> Motion<'_, A> {
     }
 
     /// The forces by the convention while all contacts last, those at rest stick and joints hold, if they are admissible up to
-    /// [`NEARLY`]: of the solutions with redundant contacts that in which the smooth motion goes on, or begins to slide, is near.
+    /// a share of 1e-6: of the solutions with redundant contacts that in which the smooth motion goes on, or begins to slide, is near.
     fn all_held(&self, found: &Assembled, free: &DVector<f64>) -> Option<DVector<f64>> {
         let forces = Equations::of(found).ok()??.forces(&-free)?;
-        let nearly = NEARLY * forces.amax();
+        let nearly = CLEAR * forces.amax();
         let pushes = found.constraints.contacts.iter().all(|contact| {
             let own_forces = &forces.as_slice()[contact.rows.clone()];
             let Some((normal, along)) = own_forces.split_last() else { return true };
@@ -217,7 +180,7 @@ impl<A: Space> Motion<'_, A> {
 
     /// Whether a contact is undecided: neither loaded nor opening, or at rest on the border of its cone.
     fn is_tied(&self, entries: &[Lasting], found: &Assembled, solution: &Solution) -> bool {
-        let [accelerations, forces] = solution.scale.map(|scale| TIE * scale);
+        let [accelerations, forces] = solution.scale.map(|scale| EQUAL * scale);
         let rigid = entries.iter().filter(|own| own.is_rigid());
         let contacts = found.constraints.contacts.iter().zip(rigid).any(|(contact, own)| {
             let last = contact.rows.end - 1;
@@ -251,10 +214,11 @@ impl<A: Space> Motion<'_, A> {
     ) -> Result<Option<(Assembled, Solution)>, SimError> {
         let (q, qd) = self.split(y);
         let nv = qd.len();
-        let rate = qd.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let turn = now.qdd.amax().sqrt();
+        let Scale { length, pace, .. } = self.scale;
+        let rate = self.scale.fastest(qd) / length;
+        let turn = (self.scale.fastest(now.qdd.iter()) / length).sqrt();
         let shake = self.moving.iter().fold(0.0, |m: f64, it| m.max(it.frequency()));
-        let step = AHEAD / rate.max(turn).max(shake).max(1e-3);
+        let step = CLEAR / rate.max(turn).max(shake).max(SLOWEST * pace);
         let next = self.sim.chain.integrate(q, qd, step)?;
         let mut there = y.to_vec();
         there[..q.len()].copy_from_slice(&next);
@@ -267,7 +231,7 @@ impl<A: Space> Motion<'_, A> {
 
     /// Stores the modes of a solution.
     fn take(&mut self, entries: &[Lasting], found: &Assembled, solution: &Solution) {
-        let [accelerations, forces] = solution.scale.map(|scale| TIE * scale);
+        let [accelerations, forces] = solution.scale.map(|scale| EQUAL * scale);
         let mut contacts = found.constraints.contacts.iter();
         // The forces of redundant contacts are a convention, from which no directions follow; in the plane the direction is given.
         let constraints = &found.constraints;

@@ -9,12 +9,9 @@ use super::select::Candidate;
 use super::smooth::{Kept, Motion};
 use crate::contact::{APART, Touch};
 use crate::error::SimError;
-use crate::state::{Space, View};
+use crate::state::{EXACT, ROUNDING, Space, View};
 use carom_chain::Rows;
 use nalgebra::{DMatrix, DVector};
-
-/// Gaps and velocities up to this size are not corrected, m and m/s: a correction would only disturb the integrator.
-const ROUNDING: f64 = 1e-15;
 
 impl<A: Space> Motion<'_, A> {
     /// Projects a state onto the constraints of the present mode; returns whether it changed.
@@ -37,7 +34,7 @@ impl<A: Space> Motion<'_, A> {
         // The velocities at the new configuration.
         for level in [Level::Positions, Level::Velocities] {
             let (q, qd) = (y[..nq].to_vec(), y[nq..nq + nv].to_vec());
-            let Self { sim, model, workspace, couplings, dry, .. } = self;
+            let Self { sim, model, workspace, couplings, dry, scale, .. } = self;
             let mut view = View::closed_by(*model, workspace, &q, couplings)?;
             let (mut table, mut responses) = (Constraints::new(nv), Rows::new(nv));
             for own in rigid() {
@@ -55,7 +52,12 @@ impl<A: Space> Motion<'_, A> {
                     table.excess(&qd).as_slice().to_vec()
                 }
             };
-            if errors.iter().all(|error| error.abs() <= ROUNDING) {
+            // A correction of the size of rounding would only disturb the integrator.
+            let negligible = match level {
+                Level::Positions => 0.1 * ROUNDING * scale.length,
+                Level::Velocities => 0.1 * ROUNDING * scale.length * scale.pace,
+            };
+            if errors.iter().all(|error| error.abs() <= negligible) {
                 continue;
             }
             changed = true;
@@ -202,7 +204,7 @@ impl<A: Space> Motion<'_, A> {
         if rows.is_empty() || k.iter().any(|entry| !entry.is_finite()) {
             return Ok(());
         }
-        let least = 1e-12 * k.amax();
+        let least = EXACT * k.amax();
         // Constraints may depend on each other: the solution of least squares.
         let found = k.svd(true, true).solve(&DVector::from_vec(errors), least).unwrap_or_default();
         for (impulse, response) in found.iter().zip(impulses) {

@@ -7,10 +7,11 @@
 use super::assembled::{Assembled, ConstraintForces};
 use super::groups::{Gaps, Near};
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
+use super::zero::Scale;
 use crate::contact::{ContactMode, Moving, Touch};
 use crate::error::SimError;
 use crate::model::{Asked, Drive, Motor, Simulation, SpringAt, motors};
-use crate::state::{Coupling, Loops, Space, View, close_loops, reach};
+use crate::state::{Coupling, Loops, Space, View, close_loops};
 use carom_chain::{FrameId, PlanarRow, Rows, Workspace};
 use nalgebra::{DVector, Vector3};
 
@@ -27,7 +28,8 @@ pub(crate) struct Motion<'a, A: Space> {
     pub dry: Vec<DryJoint>,
     /// The touches with a bristle, in the order of their deflections in the state.
     pub bristles: Vec<usize>,
-    /// Largest joint velocity at the start of the leg, rad/s or m/s.
+    /// The units of the scene, and the largest velocity at the start of the leg, m/s.
+    pub scale: Scale,
     pub speed: f64,
     /// Impacts so far, by touch.
     impacts: Vec<usize>,
@@ -61,8 +63,6 @@ pub(crate) struct Motion<'a, A: Space> {
     pub margin_forces: Option<DVector<f64>>,
     /// Whether rows may depend on others in the present mode, so that the responses of all are computed.
     pub redundant: bool,
-    /// Reach of the chain, m.
-    pub reach: f64,
 }
 
 /// What a motion remembers beside its state: closed contacts, joints held by dry friction, impacts so far.
@@ -126,6 +126,7 @@ impl<'a, A: Space> Motion<'a, A> {
             stepping: false,
             dry,
             bristles: bristles(sim),
+            scale: Scale::new(sim),
             speed: 0.0,
             impacts: vec![0; sim.touches.len()],
             was_hit: vec![false; sim.chain.nv()],
@@ -144,20 +145,12 @@ impl<'a, A: Space> Motion<'a, A> {
             assembled: Assembled::new(sim.chain.nv()),
             redundant: false,
             margin_forces: None,
-            reach: reach(&sim.chain),
         }
     }
 
     pub fn split<'y>(&self, y: &'y [f64]) -> (&'y [f64], &'y [f64]) {
         let (nq, nv) = (self.sim.chain.nq(), self.sim.chain.nv());
         (&y[..nq], &y[nq..nq + nv])
-    }
-
-    /// Where the two works begin in the state, and the energy that their absolute error is a share of, J: the kinetic energy of the mass
-    /// of the chain at 1 m/s, so that the steps of a run do not depend on the unit of mass.
-    pub fn works(&self) -> (usize, f64) {
-        let chain = &self.sim.chain;
-        (chain.nq() + chain.nv(), 0.5 * chain.total_mass())
     }
 
     pub fn view(&mut self, q: &[f64]) -> Result<View<'_, A>, SimError> {

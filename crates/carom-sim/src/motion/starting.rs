@@ -18,13 +18,11 @@ use super::lasting::{Hold, Lasting};
 use super::rows::{Constraints, push};
 use super::smooth::Motion;
 use crate::error::SimError;
-use crate::state::Space;
+use crate::state::{EQUAL, Space};
 use nalgebra::{DMatrix, DVector, Vector2};
 
 /// Newton's method converges in two or three steps from the direction of the evaluation before.
 const MOST_STEPS: usize = 20;
-/// Singular values of their equations below this share of the largest count as zero.
-const DEPENDENT: f64 = 1e-9;
 /// Directions are solved to this share of the friction accelerations.
 const SOLVED: f64 = 1e-13;
 
@@ -33,12 +31,6 @@ fn across(d: Vector2<f64>) -> Vector2<f64> {
 }
 
 impl<A: Space> Motion<'_, A> {
-    /// Slip from rest up to this has the direction of its acceleration, m/s. The error is of second order in the time of the start,
-    /// and that is √slip where forces change steadily.
-    pub fn starts(&self) -> f64 {
-        STARTS * self.sim.tolerance.sqrt()
-    }
-
     /// λ where slip begins at some contacts; stores their directions.
     pub fn starting_forces(&self, time: f64, found: &mut Assembled) -> Result<DVector<f64>, SimError> {
         let wanted = -found.offset();
@@ -79,7 +71,7 @@ impl<A: Space> Motion<'_, A> {
                 slope[(j, j)] -= slips[j].dot(&starts[j].along);
             }
             // Several contacts may have the same slip: two wheels on one axle.
-            let least = DEPENDENT * slope.amax();
+            let least = EQUAL * slope.amax();
             if slope.iter().any(|entry| !entry.is_finite()) {
                 return Err(no_direction());
             }
@@ -130,9 +122,6 @@ impl<A: Space> Motion<'_, A> {
         }
     }
 }
-
-/// The slip of [`Motion::starts`] at a tolerance of 1, m/s.
-const STARTS: f64 = 1.0;
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()

@@ -21,20 +21,16 @@ use super::select::Solution;
 use super::smooth::Motion;
 use crate::contact::UNSOLVED;
 use crate::error::SimError;
-use crate::state::{Basis, Space};
+use crate::state::{Basis, CLEAR, EQUAL, Space};
 use carom_impact::{Accuracy, Flags, SeveralProblem, undetermined};
 use nalgebra::DVector;
 
 /// Steps of the perceptron.
 const STEPS: usize = 64;
-/// A velocity is inside the dual cones if it leaves this share of its size.
-const INSIDE: f64 = 1e-9;
 /// Forces of the second start, as a multiple of those of the solution.
 const SQUEEZE: f64 = 1e3;
 /// Iterations for a second solution: those that exist are near the start.
 const FEW: usize = 200;
-/// Accelerations differ by more than this share of the largest.
-const DIFFER: f64 = 1e-6;
 
 /// Why the motion is not unique.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -131,7 +127,7 @@ impl<A: Space> Motion<'_, A> {
             push(change.as_mut_slice(), &found.responses, (other.impulse - &solution.force).as_slice());
             if found.constraints.rows.iter().chain(found.constraints.forces.iter()).any(|row| {
                 let a: f64 = row.iter().zip(change.iter()).map(|(r, a)| r * a).sum();
-                a.abs() > DIFFER * largest
+                a.abs() > CLEAR * largest
             }) {
                 return Ok(true);
             }
@@ -188,7 +184,7 @@ impl<A: Space> Motion<'_, A> {
                 }
             }
             let Some((inside, ray)) = worst else { return false };
-            if inside > INSIDE * size && size > 0.0 {
+            if inside > EQUAL * size && size > 0.0 {
                 return true;
             }
             u += &forces * &ray;

@@ -1,18 +1,15 @@
 //! The passage of a mechanism with loops through a pose at which it could branch: see `leap.rs`.
 
-use super::events::{Run, TOUCHING};
+use super::events::Run;
 use super::guarded::Guarded;
 use super::leap::{LEAST, Leap, NODES, PAST};
 use super::leg::{Accuracy, pass};
 use super::trajectory::Segment;
 use crate::error::SimError;
 use crate::motion::Lasting;
-use crate::state::Space;
+use crate::state::{CLEAR, EXACT, Space};
 
-/// A leap that changes the energy by more than this share of the kinetic energy has failed.
-const TRUST: f64 = 1e-6;
-
-/// A start within this distance of a pose at which the mechanism could branch is refused, rad or m.
+/// A start within this distance of a pose at which the mechanism could branch is refused, rad, or as a share of the length of the scene.
 const ASIDE: f64 = 1e-2;
 
 impl<A: Space> Run<'_, '_, A> {
@@ -25,7 +22,9 @@ impl<A: Space> Run<'_, '_, A> {
         }
         let (q, qd) = self.q_qd();
         let (here, rank) = (self.motion.regularity(&q)?, self.motion.rank);
-        let aside: Vec<f64> = (0..qd.len()).map(|k| ASIDE * (1.0 + 2.4 * k as f64).sin()).collect();
+        let scale = &self.motion.scale;
+        let aside: Vec<f64> =
+            (0..qd.len()).map(|k| scale.joint(k, ASIDE * scale.length) * (1.0 + 2.4 * k as f64).sin()).collect();
         let mut near = [self.motion.sim.chain.integrate(&q, &aside, 1.0)?, qd].concat();
         // A linkage that closes nowhere aside has no other branch there.
         let branches = self.motion.close_loops(&mut near).is_ok() && {
@@ -45,7 +44,7 @@ impl<A: Space> Run<'_, '_, A> {
         let kinetic = self.motion.kinetic_energy(&self.y)?;
         let (q, qd) = self.q_qd();
         let here = self.motion.regularity(&q)?;
-        let speed = qd.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+        let speed = self.motion.scale.fastest(&qd) / self.motion.scale.length;
         if speed == 0.0 || self.motion.lasting.iter().any(Lasting::is_rigid) {
             return Err(failed);
         }
@@ -61,12 +60,11 @@ impl<A: Space> Run<'_, '_, A> {
         let sim = self.motion.sim;
         let accuracy = Accuracy {
             first_step: None,
-            tolerance: sim.tolerance.min(1e-12),
+            tolerance: sim.tolerance.min(EXACT),
             max_step: sim.max_step,
             integrator: sim.integrator,
             short: false,
             patience: None,
-            works: self.motion.works(),
         };
         let (from, past) = (self.time, PAST * leap);
         let mut states = Vec::with_capacity(NODES);
@@ -97,8 +95,9 @@ impl<A: Space> Run<'_, '_, A> {
         if ends {
             self.motion.close_loops(&mut self.y)?;
             let change = leap.energy - self.motion.energy(&self.y)? + self.work() - leap.work;
-            let clear = self.gaps()?.into_iter().all(|(_, (gap, _))| gap >= -TOUCHING);
-            if !clear || change.abs() > TRUST * leap.energy.abs().max(leap.kinetic) {
+            let (gaps, scale) = (self.gaps()?, &self.motion.scale);
+            let clear = gaps.into_iter().all(|(k, (gap, _))| gap >= -scale.touching(k));
+            if !clear || change.abs() > CLEAR * leap.energy.abs().max(leap.kinetic) {
                 return Err(SimError::Branch { time: leap.from });
             }
             self.lost += change;

@@ -24,7 +24,7 @@ use crate::contact::Touch;
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
 use crate::motion::{ContactState, Lasting, Motion, Near, NonUnique};
-use crate::state::{ContactImpulse, Space};
+use crate::state::{ContactImpulse, EQUAL, ROUNDING, Space};
 use carom_chain::urdf::JointType;
 
 /// The state of a run.
@@ -104,11 +104,12 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let patience = (rigid || presses).then_some(PATIENCE);
         let implicit = std::mem::take(&mut self.memory.implicit).filter(|_| rigid && !presses);
         let integrator = if implicit.is_some() { Integrator::Radau } else { integrator };
-        let (first_step, short, works) = (self.memory.step, self.memory.short, self.motion.works());
-        let mut accuracy = Accuracy { tolerance, max_step, integrator, patience, first_step, short, works };
+        let (first_step, short) = (self.memory.step, self.memory.short);
+        let mut accuracy = Accuracy { tolerance, max_step, integrator, patience, first_step, short };
         let kink = sim.next_kink(&self.motion.moving, self.time);
         let mut until = kink.min(self.end).min(self.time + implicit.unwrap_or(f64::INFINITY));
-        if is_reached(until, self.time) {
+        let scale = self.motion.scale.clone();
+        if scale.is_reached(until, self.time) {
             self.time = until;
             return Ok(Ending::Passed);
         }
@@ -132,7 +133,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 Err(SimError::Chain(_)) if accuracy.first_step.is_some() => accuracy.first_step = None,
                 Err(SimError::Jam { time: jam, .. }) => {
                     let earlier = self.time + (0.125 * (until - self.time)).min(0.5 * (jam - self.time));
-                    if until - self.time <= NEAREST || is_reached(earlier, self.time) {
+                    if until - self.time <= EQUAL / scale.pace || scale.is_reached(earlier, self.time) {
                         return Ok(Ending::Stuck(StepReason::NoMode));
                     }
                     until = earlier;
@@ -192,10 +193,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
     }
 
-    /// The velocity scale of the next decisions.
+    /// The scale of the next decisions.
     pub fn measure(&mut self) {
-        let surfaces = self.motion.moving.iter().map(|motion| motion.speed(self.time)).fold(0.0, f64::max);
-        self.motion.speed = self.motion.split(&self.y).1.iter().fold(surfaces, |m: f64, v| m.max(v.abs()));
+        self.motion.measure(self.time, &self.y);
     }
 
     pub fn q_qd(&self) -> (Vec<f64>, Vec<f64>) {
@@ -226,13 +226,13 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             let gives_way = gives_way && gap > -2.0 * sim.touches[touch].size();
             if gives_way && gap <= 0.0 && (gap < 0.0 || rate <= 0.0) {
                 sunk.push((touch, -rate));
-            } else if gap < -TOUCHING {
+            } else if gap < -self.motion.scale.touching(touch) {
                 let touch = &sim.touches[touch];
                 return Err(SimError::Overlap { touch: touch.name.clone(), depth: -gap, unit: unit(sim, touch) });
-            } else if gap <= TOUCHING {
-                if rate < -ROUNDING * self.motion.speed {
+            } else if gap <= self.motion.scale.touching(touch) {
+                if rate < -ROUNDING * self.motion.speed * self.motion.scale.per_touch[touch] {
                     hits.push(touch);
-                } else if rate <= self.motion.rest() {
+                } else if rate <= self.motion.rest_of(touch) {
                     rests.push(touch);
                 }
             }
@@ -258,12 +258,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     }
 }
 
-/// At the start approach velocities up to this share of the joint velocities are rounding.
-const ROUNDING: f64 = 1e-14;
-/// Gaps up to this size count as closed when another contact closes, m.
-pub(crate) const TOUCHING: f64 = 1e-9;
-/// A jam within this time counts as reached, s.
-const NEAREST: f64 = 1e-9;
 /// The explicit and the implicit integrator take turns at most so often in one leg with compliant contacts.
 const TURNS: u32 = 20;
 /// The same for legs without compliant contacts, which time steps can go on with.
@@ -272,11 +266,6 @@ const FEW_TURNS: u32 = 4;
 const TURNING: f64 = 0.1;
 /// The factor by which the time is longer in which it is integrated implicitly next.
 const LONGER: f64 = 8.0;
-
-/// Whether what is left to this time is shorter than any step.
-pub(crate) fn is_reached(until: f64, time: f64) -> bool {
-    until - time <= 1e-13 * (1.0 + until)
-}
 
 /// The unit of a touch's gap.
 fn unit(sim: &Simulation, touch: &Touch) -> &'static str {

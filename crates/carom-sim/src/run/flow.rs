@@ -14,6 +14,10 @@ pub(crate) trait Flow {
     fn rate(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
     /// The step of each component of y for difference quotients of the rate.
     fn steps(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
+    /// The unit of each number of a state of this length, of which its absolute error is a share.
+    fn units(&self, state: usize) -> Vec<f64> {
+        vec![1.0; state]
+    }
     /// The guards at (t, y), each with its rate in time if a minimum within a step is to be detected.
     fn guards(&mut self, t: f64, y: &[f64], out: &mut Vec<GuardValue>) -> Result<(), SimError>;
     /// GuardValue `k` at (t, y).

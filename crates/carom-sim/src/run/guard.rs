@@ -9,8 +9,8 @@ use super::trajectory::{EventKind, StepReason};
 use crate::contact::{APART, Passing, Placed};
 use crate::error::SimError;
 use crate::model::Simulation;
-use crate::motion::{ConstraintForces, Dry, DryJoint, Gaps, Hold, Lasting, Motion};
-use crate::state::{Space, View};
+use crate::motion::{ConstraintForces, Dry, DryJoint, Gaps, Hold, Lasting, Motion, Scale};
+use crate::state::{EQUAL, Space, View};
 use carom_contact::Met;
 
 /// The guards; those of lasting contacts have their index into the list.
@@ -65,9 +65,6 @@ pub(crate) enum Is {
     Other,
 }
 
-/// Hysteresis of gaps, m: above the rounding of positions, below the height of any bounce that is resolved.
-pub(crate) const HYSTERESIS: f64 = 1e-14;
-
 /// The value of a guard.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct GuardValue {
@@ -77,14 +74,16 @@ pub(crate) struct GuardValue {
     pub passing: Option<Passing>,
     /// Hysteresis: values up to this count as zero. `None`: a guard that is never armed before it is positive, such as a force.
     pub band: Option<f64>,
+    /// Whether it is a gap.
+    pub is_gap: bool,
     /// Whether it may fall below zero and recover within a step.
     pub dips: bool,
 }
 
 impl GuardValue {
-    /// A gap and its rate.
-    pub fn gap(value: f64, rate: f64) -> Self {
-        Self { value, rate: Some(rate), band: Some(HYSTERESIS), ..Self::default() }
+    /// A gap and its rate, with its rounding: above that of positions, below the height of any bounce that is resolved.
+    pub fn gap((value, rate): (f64, f64), band: f64) -> Self {
+        Self { value, rate: Some(rate), band: Some(band), is_gap: true, ..Self::default() }
     }
 
     /// A velocity with this resolution.
@@ -100,11 +99,6 @@ impl GuardValue {
     /// A quantity that matters only where it stays below zero.
     pub fn bound(value: f64) -> Self {
         Self { value, ..Self::default() }
-    }
-
-    /// Whether it is a gap.
-    pub fn is_gap(&self) -> bool {
-        self.band == Some(HYSTERESIS)
     }
 
     /// The value above which it is armed.
@@ -182,16 +176,13 @@ impl Guard {
             Self::NormalForce(i) => held.contacts[i].normal_force > 0.0,
             Self::Cone(i) => {
                 let mu = motion.sim.touches[motion.lasting[i].touch].contact.law.friction();
-                held.contacts[i].cone(mu) >= INSIDE * held.contacts[i].normal_force
+                held.contacts[i].cone(mu) >= EQUAL * held.contacts[i].normal_force
             }
-            Self::JointBreaksLoose(k) => held.joints[k].abs() <= (1.0 - INSIDE) * motion.dry[k].friction,
+            Self::JointBreaksLoose(k) => held.joints[k].abs() <= (1.0 - EQUAL) * motion.dry[k].friction,
             _ => true,
         }
     }
 }
-
-/// A force counts as inside its friction cone if its distance from the border is above this share of the normal force.
-const INSIDE: f64 = 1e-9;
 
 /// Passes the values of guards at a state to `see`. `held`: its accelerations, if one of them needs forces.
 pub(crate) fn look<A: Space>(
@@ -209,7 +200,17 @@ pub(crate) fn look<A: Space>(
     let (noise, starts) = (motion.noise(), motion.starts());
     let (q, qd) = motion.split(y);
     let regular = if guards.contains(&Guard::Branches) { motion.regularity(q)? - LEAST } else { 0.0 };
-    let now = Now { regular, lasting: &motion.lasting, dry: &motion.dry, held, admissible, slip_left, noise, starts };
+    let now = Now {
+        regular,
+        lasting: &motion.lasting,
+        dry: &motion.dry,
+        held,
+        admissible,
+        slip_left,
+        noise,
+        starts,
+        scale: &motion.scale,
+    };
     let view = View::new(motion.model, &mut motion.workspace, q)?;
     let mut last = None;
     for guard in guards {
@@ -255,6 +256,7 @@ struct Now<'a> {
     admissible: f64,
     /// Computed if it is watched.
     slip_left: f64,
+    scale: &'a Scale,
     /// Error of velocities.
     noise: f64,
     /// Slip up to which it begins.
@@ -275,24 +277,19 @@ impl Guard {
         let look = |touch: usize| gaps.look(touch, view, (q, qd), time);
         Ok(match (self, now.held) {
             (Self::Rest(group), _) => {
-                let (gap, rate) = gaps.rest(group, now.lasting, view, qd, time)?;
-                GuardValue::gap(gap, rate)
+                GuardValue::gap(gaps.rest(group, now.lasting, view, qd, time)?, now.scale.rounding())
             }
             (Self::Gap(touch), _) => {
-                let (gap, rate) = gaps.own(touch, view, (q, qd), time, last)?;
-                GuardValue::gap(gap, rate)
+                GuardValue::gap(gaps.own(touch, view, (q, qd), time, last)?, now.scale.hysteresis(touch))
             }
-            (Self::Pair(group), _) => {
-                let (gap, rate) = gaps.of_group(group, view, (q, qd), time)?;
-                GuardValue::gap(gap, rate)
-            }
+            (Self::Pair(group), _) => GuardValue::gap(gaps.of_group(group, view, (q, qd), time)?, now.scale.rounding()),
             (Self::Leaves(i), _) => {
                 let at = sim.touches[now.lasting[i].touch].at(view, q, time);
                 GuardValue::velocity(at.margin.min(APART), Met::OUTSIDE)
             }
             (Self::Depth(i), _) => {
                 let (gap, rate) = look(now.lasting[i].touch)?;
-                GuardValue::gap(-gap, -rate)
+                GuardValue::gap((-gap, -rate), now.scale.rounding())
             }
             (Self::Turns(i), _) => {
                 // Where several contacts turn at one time, the others have a rate of rounding at the start of the next leg: they fire by
@@ -303,7 +300,7 @@ impl Guard {
             (Self::Deepens(i), _) => {
                 let (gap, rate) = look(now.lasting[i].touch)?;
                 let Hold::Presses { deepest, .. } = now.lasting[i].hold else { return Ok(GuardValue::default()) };
-                GuardValue::gap(deepest + gap, rate)
+                GuardValue::gap((deepest + gap, rate), now.scale.rounding())
             }
             (Self::SlipStops(i), _) => {
                 let touch = &sim.touches[now.lasting[i].touch];
@@ -324,7 +321,7 @@ impl Guard {
                 let Dry::Brakes(direction) = state else { return Ok(GuardValue::default()) };
                 // With its rate the time is exact: near a dead point of a loop a velocity that is almost zero is not one that can be stopped.
                 let rate = Some(held.qdd[v] * direction);
-                GuardValue { rate, ..GuardValue::velocity(qd[v] * direction, now.noise) }
+                GuardValue { rate, ..GuardValue::velocity(qd[v] * direction, now.scale.joint(v, now.noise)) }
             }
             (Self::SlipEnds, _) => GuardValue::bound(now.slip_left),
             (Self::Branches, _) => GuardValue::bound(now.regular),

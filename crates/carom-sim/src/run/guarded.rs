@@ -92,15 +92,21 @@ impl<A: Space> Flow for Guarded<'_, '_, A> {
     fn steps(&mut self, time: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError> {
         let (nq, nv) = (self.motion.sim.chain.nq(), self.motion.sim.chain.nv());
         let usual = f64::EPSILON.sqrt();
-        for (step, x) in out.iter_mut().zip(y) {
-            *step = usual * x.abs().max(1.0);
+        for ((step, x), unit) in out.iter_mut().zip(y).zip(self.units(y.len())) {
+            *step = usual * x.abs().max(unit);
         }
         // The energies have no effect on the motion.
         out[nq + nv..nq + nv + 2].fill(0.0);
         // The rate depends on the direction of slip: below the size of the slip it is linear.
         let slip = self.motion.slowest_slip(time.min(self.latest), y)?.max(self.motion.noise());
-        out[nq..nq + nv].iter_mut().for_each(|step| *step = step.min(FINE * slip));
+        let scale = &self.motion.scale;
+        out[nq..nq + nv].iter_mut().enumerate().for_each(|(v, step)| *step = step.min(scale.joint(v, FINE * slip)));
         Ok(())
+    }
+
+    fn units(&self, state: usize) -> Vec<f64> {
+        let chain = &self.motion.sim.chain;
+        self.motion.scale.units(chain.total_mass(), chain.nq(), state)
     }
 
     fn guards(&mut self, time: f64, y: &[f64], out: &mut Vec<GuardValue>) -> Result<(), SimError> {

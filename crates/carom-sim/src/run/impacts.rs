@@ -13,26 +13,25 @@
 //!   [`LOWEST`]. For a pendulum that hits a wall at its lowest point a = 0: its impacts never accumulate, and all are computed.
 //! - u⁺ = 0: it lasts if the accelerations press it.
 
-use super::events::{Run, TOUCHING};
-use super::guard::HYSTERESIS;
+use super::events::Run;
 use super::memory::Class;
 use super::trajectory::{EventKind, StepReason};
 use crate::contact::{Compliance, SeveralLaw, friction_bound};
 use crate::error::SimError;
 use crate::impact::ChainImpact;
-use crate::motion::{Candidate, Hold, Lasting, Near, direction_of_slip, push};
-use crate::state::{ContactImpulse, Space};
+use crate::motion::{Candidate, Hold, Lasting, Motion, Near, direction_of_slip, push};
+use crate::state::{ContactImpulse, EQUAL, EXACT, ROUNDING, Space};
 use carom_chain::algebra::z_onto;
 use carom_contact::Met;
 use carom_impact::{Flags, Frictionless, ImpactProblem, Law};
 use nalgebra::Vector3;
 
-/// Motion, m or rad, over which the change of the margin of a contact point is taken.
+/// Motion, as a share of the length of the scene, over which the change of the margin of a contact point is taken.
 const SHORT: f64 = 1e-7;
-/// Least height of a bounce, m, where tolerance and reach allow no greater one: without bounces of that height positions are in error by
-/// them.
-const LOWEST: f64 = 10.0 * HYSTERESIS;
-/// Longest time for which lower ones are passed, s: the error of this step is of third order.
+/// Least height of a bounce, in units of the rounding of gaps, where the tolerance allows no greater one: without bounces of that height
+/// positions are in error by them.
+const LOWEST: f64 = 10.0;
+/// Longest time for which lower ones are passed, as a share of that of the scene: the error of this step is of third order.
 const LONGEST: f64 = 1e-4;
 /// Impacts count as slow up to the speed of a fall of this number of Zeno times.
 const SLOW: f64 = 10.0;
@@ -69,19 +68,21 @@ impl<A: Space> Run<'_, '_, A> {
     /// surface. There the row of the normal is next to zero, and an impact would stop what moves along the surface.
     fn grazes(&mut self, touch: usize, approach: f64) -> Result<bool, SimError> {
         // No path of this curvature reaches deeper.
-        if approach * approach > HYSTERESIS * self.motion.speed * self.motion.speed * self.motion.reach.max(1.0) {
+        let (scale, speed) = (&self.motion.scale, self.motion.speed);
+        let hysteresis = scale.hysteresis(touch);
+        if approach * approach > hysteresis * speed * speed * scale.per_touch[touch] / scale.length {
             return Ok(false);
         }
         let away = self.motion.gap_acceleration(touch, self.time, &self.y)?;
-        Ok(approach * approach < 2.0 * away * HYSTERESIS)
+        Ok(approach * approach < 2.0 * away * hysteresis)
     }
 
     /// The other touches that are closed and do not last: those that approach, and those that do not move apart but could.
     pub fn others_closed(&mut self, touch: usize, gaps: &[Near]) -> Result<[Vec<usize>; 2], SimError> {
         let (mut hits, mut beside) = (Vec::new(), Vec::new());
-        let rest = self.motion.rest();
         for &(other, (gap, rate)) in gaps {
-            if other == touch || self.motion.lasts(other) || gap > TOUCHING || rate > rest || self.moves_off(other)? {
+            let (rest, open) = (self.motion.rest_of(other), gap > self.motion.scale.touching(other));
+            if other == touch || self.motion.lasts(other) || open || rate > rest || self.moves_off(other)? {
                 continue;
             }
             if rate < -rest {
@@ -104,7 +105,7 @@ impl<A: Space> Run<'_, '_, A> {
         if here > 2.0 * Met::OUTSIDE || self.motion.speed == 0.0 {
             return Ok(false);
         }
-        let back = SHORT / self.motion.speed;
+        let back = SHORT * self.motion.scale.length / self.motion.speed;
         let earlier = sim.chain.integrate(&q, &qd, -back)?;
         Ok(one.at(&self.motion.view(&earlier)?, &earlier, self.time - back).margin > here)
     }
@@ -150,13 +151,13 @@ impl<A: Space> Run<'_, '_, A> {
         let Some(since) = since.filter(|since| *since <= sim.zeno_time) else {
             return Ok(None);
         };
-        let way = self.motion.speed * self.motion.reach.max(1.0) * since;
-        let fast = way <= (Class::Impact.many() - 1) as f64 * TOUCHING;
-        let slow = SLOW * sim.gravity.norm().max(1.0) * sim.zeno_time;
+        let (way, scale) = (self.motion.speed * since, self.motion.scale.clone());
+        let fast = way <= (Class::Impact.many() - 1) as f64 * EQUAL * scale.length;
+        let slow = SLOW * sim.gravity.norm().max(scale.acceleration()) * sim.zeno_time;
         let mut swarm = Vec::new();
         for (touch, (gap, rate)) in self.gaps()? {
             let rigid = sim.touches[touch].contact.compliance.is_none();
-            if rigid && gap <= TOUCHING && (fast || rate.abs() <= slow) {
+            if rigid && gap <= scale.touching(touch) && (fast || rate.abs() <= slow * scale.per_touch[touch]) {
                 swarm.push(touch);
             }
         }
@@ -168,10 +169,11 @@ impl<A: Space> Run<'_, '_, A> {
     fn lies_flat(&mut self, touches: &[usize]) -> Result<bool, SimError> {
         let (q, _) = self.q_qd();
         let (sim, time) = (self.motion.sim, self.time);
+        let within = EQUAL * self.motion.scale.length;
         let view = self.motion.view(&q)?;
         let flat = |touch: &usize| {
             let one = &sim.touches[*touch];
-            !one.is_point() && one.points(&view, &q, time, TOUCHING).len() > 2
+            !one.is_point() && one.points(&view, &q, time, within).len() > 2
         };
         Ok(touches.iter().any(flat))
     }
@@ -183,11 +185,11 @@ impl<A: Space> Run<'_, '_, A> {
         let (Some(compliance), Some(_)) = (one.contact.compliance, one.link()) else { return Ok(false) };
         let (_, approach) = self.gap(touch)?;
         let (q, _) = self.q_qd();
-        let speed = (-approach).max(Compliance::SLOWEST);
+        let speed = self.pressing_speed(-approach);
         let law = compliance.normal(one.contact.law.restitution())?;
         let mass = self.motion.effective_mass(touch, &q, self.time)?;
         let depth = law.greatest_penetration(speed, mass);
-        if sim.neglect.is_some_and(|share| depth <= share * self.motion.reach) {
+        if sim.neglect.is_some_and(|share| depth <= share * self.motion.scale.reach) {
             self.statistics.neglected_depth = self.statistics.neglected_depth.max(depth);
             return Ok(false);
         }
@@ -205,7 +207,12 @@ impl<A: Space> Run<'_, '_, A> {
         let Some(compliance) = rule.compliance else { return Ok(0.0) };
         let (q, _) = self.q_qd();
         let mass = self.motion.effective_mass(touch, &q, self.time)?;
-        Ok(compliance.normal(rule.law.restitution())?.damping(approach.max(Compliance::SLOWEST), mass))
+        Ok(compliance.normal(rule.law.restitution())?.damping(self.pressing_speed(approach), mass))
+    }
+
+    /// The approach velocity by which the damping of a compliant contact is determined, m/s.
+    fn pressing_speed(&self, approach: f64) -> f64 {
+        approach.max(Compliance::SLOWEST * self.motion.scale.length * self.motion.scale.pace)
     }
 
     /// The beginning of a compliant contact.
@@ -266,7 +273,7 @@ impl<A: Space> Run<'_, '_, A> {
             }
         }
         // The laws are exact: a separation velocity below the rounding of the approach velocity is zero.
-        self.after(&[Struck { touch, approach }], 1e-14 * approach.abs(), &before)
+        self.after(&[Struck { touch, approach }], ROUNDING * approach.abs(), &before)
     }
 
     /// The impact at a latch: the velocity of the contact point relative to the surface becomes zero.
@@ -302,7 +309,7 @@ impl<A: Space> Run<'_, '_, A> {
         let lasted = self.motion.lasting.iter().filter(|own| own.is_rigid());
         let mut struck: Vec<Struck> = lasted.map(|own| Struck { touch: own.touch, approach: 0.0 }).collect();
         struck.push(Struck { touch, approach });
-        self.after(&struck, 1e-12 * approach.abs(), &before)?;
+        self.after(&struck, EXACT * approach.abs(), &before)?;
         Ok(true)
     }
 
@@ -398,13 +405,14 @@ impl<A: Space> Run<'_, '_, A> {
             let (_, rebound) = self.gap(one.touch)?;
             let toward = -self.motion.gap_acceleration(one.touch, self.time, &self.y)?;
             // A contact that lasted has an approach velocity of the size of rounding, of either sign.
-            let share = if one.approach < -self.motion.rest() { rebound / -one.approach } else { 0.0 };
+            let share = if one.approach < -self.motion.rest_of(one.touch) { rebound / -one.approach } else { 0.0 };
             let remaining = 2.0 * rebound / (toward * (1.0 - share));
             // Bounces that are not higher than what counts as closed cannot be told from rounding.
-            let lowest = LOWEST.max(self.motion.sim.tolerance * self.motion.reach);
-            let (longest, flat) = (self.motion.sim.zeno_time, rebound * rebound < 2.0 * toward * lowest);
+            let Motion { sim, scale, .. } = &self.motion;
+            let lowest = (LOWEST * scale.rounding()).max(sim.tolerance * scale.reach) * scale.per_touch[one.touch];
+            let (longest, flat) = (sim.zeno_time, rebound * rebound < 2.0 * toward * lowest);
             if toward > 0.0 && share < 1.0 && (remaining < longest || flat) {
-                left = left.max(remaining.min(longest.max(LONGEST)));
+                left = left.max(remaining.min(longest.max(LONGEST / scale.pace)));
                 ending.push(leaving.swap_remove(k).touch);
             }
         }
@@ -446,10 +454,11 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// The motion has no consistent mode: an impact without collision, or time steps.
     pub fn no_mode(&mut self, reason: StepReason) -> Result<(), SimError> {
-        let rest = self.motion.rest();
-        let rigid = |k: &usize| self.motion.sim.touches[*k].contact.compliance.is_none();
-        let closed: Vec<usize> = (self.gaps()?.into_iter())
-            .filter(|(_, (gap, rate))| *gap <= TOUCHING && rate.abs() <= rest)
+        let gaps = self.gaps()?;
+        let motion = &self.motion;
+        let rigid = |k: &usize| motion.sim.touches[*k].contact.compliance.is_none();
+        let closed: Vec<usize> = (gaps.into_iter())
+            .filter(|(k, (gap, rate))| *gap <= motion.scale.touching(*k) && rate.abs() <= motion.rest_of(*k))
             .map(|(k, _)| k)
             .filter(rigid)
             .collect();

@@ -17,6 +17,7 @@ use super::sampler::Sampler;
 use super::trajectory::Statistics;
 use crate::error::{SimError, ended};
 use crate::model::Integrator;
+use crate::state::ROUNDING;
 use ivp::matrix::MatrixStorage;
 use ivp::methods::{DOP853, DOPRI5, RADAU};
 use ivp::status::Status;
@@ -66,8 +67,6 @@ pub(crate) struct Accuracy {
     pub first_step: Option<f64>,
     /// Whether the explicit integrator begins with order 5.
     pub short: bool,
-    /// Where the works begin in the state, and the energy that their absolute error is a share of.
-    pub works: (usize, f64),
 }
 
 /// How an integration ended.
@@ -138,7 +137,7 @@ fn refine(
     let mut correction = f64::INFINITY;
     for _ in 0..8 {
         // A step must not be shorter than the rounding of the time.
-        if time - start > 1e-14 * time.abs() {
+        if time - start > ROUNDING * time.abs() {
             if correction.abs() <= CLOSE * (time - start) {
                 statistics.evaluations += 2;
                 exact = system.midpoint((time - correction, &exact), correction)?;
@@ -201,10 +200,9 @@ fn integrate(
     let max_steps = accuracy.patience.map_or(MAX_STEPS, |steps| MAX_STEPS.min(steps * longest_steps));
     // One tolerance for each component: Radau of ivp 0.6 converts a tolerance in place once for each component, which makes
     // a scalar tolerance 1e-3 whatever it was.
-    let (relative, mut absolute) = (vec![accuracy.tolerance; y.len()], vec![accuracy.tolerance * 1e-3; y.len()]);
-    let (first, energy) = accuracy.works;
-    absolute.iter_mut().skip(first).take(2).for_each(|absolute| *absolute *= energy);
-    let (relative, absolute) = (relative.into(), absolute.into());
+    let mut absolute = system.0.borrow().flow.units(y.len());
+    absolute.iter_mut().for_each(|unit| *unit *= 1e-3 * accuracy.tolerance);
+    let (relative, absolute) = (vec![accuracy.tolerance; y.len()].into(), absolute.into());
     let solved = match accuracy.integrator {
         Integrator::DormandPrince => {
             // Integration to a known time within an accepted step: a single step, without dense output.
@@ -230,7 +228,7 @@ fn integrate(
             // Radau of ivp 0.6 compares every step with the end but the first, which is 1e-6 s long by default.
             let method = RADAU::builder()
                 .max_step(longest)
-                .first_step(f64::min(1e-6, (end - start).abs() / 2.0))
+                .first_step((0.1 * accuracy.max_step).min((end - start).abs() / 2.0))
                 .max_steps(max_steps)
                 .mass_storage(MatrixStorage::Identity)
                 .build();
@@ -300,15 +298,8 @@ mod tests {
 
     fn run_all(gaps: impl Fn(f64) -> Vec<GuardValue>, end: f64, integrator: Integrator) -> (LegEnd, Statistics, f64) {
         let mut flow = Clock { gaps, latest: 0.0 };
-        let accuracy = Accuracy {
-            tolerance: 1e-9,
-            max_step: 1.0,
-            integrator,
-            patience: None,
-            first_step: None,
-            short: false,
-            works: (1, 1.0),
-        };
+        let accuracy =
+            Accuracy { tolerance: 1e-9, max_step: 1.0, integrator, patience: None, first_step: None, short: false };
         let mut statistics = Statistics::default();
         let sampling = Sampling { every: None, dense: false };
         let mut sampler = Sampler { sampling, sizes: (1, 0), count: 0, until: 0.0, watch: &mut |_| {}, path: None };
@@ -322,9 +313,9 @@ mod tests {
         let end = 2.0_f64.powi(-10); // shorter than the first step, so that there is one step only
         let gap = |t: f64| {
             let x = 1.0 - t / end;
-            GuardValue::gap(0.1 - x * x + 1.1 * x.powi(3), (2.0 * x - 3.3 * x * x) / end)
+            GuardValue::gap((0.1 - x * x + 1.1 * x.powi(3), (2.0 * x - 3.3 * x * x) / end), ROUNDING)
         };
-        assert_eq!(gap(end), GuardValue::gap(0.1, 0.0));
+        assert_eq!(gap(end), GuardValue::gap((0.1, 0.0), ROUNDING));
         let (found, statistics, _) = run(gap, end, Integrator::DormandPrince);
         assert_eq!((found.fired, statistics.steps - statistics.refinements), (Some(0), 1));
         // Values of size one are exact to some units of rounding.
@@ -338,7 +329,11 @@ mod tests {
         let end = 2.0_f64.powi(-10);
         let gap = |t: f64| {
             let value = 0.3 * end - t;
-            if value < -0.1 * end { GuardValue::gap(APART, 0.0) } else { GuardValue::gap(value, -1.0) }
+            if value < -0.1 * end {
+                GuardValue::gap((APART, 0.0), ROUNDING)
+            } else {
+                GuardValue::gap((value, -1.0), ROUNDING)
+            }
         };
         let (found, _, _) = run(gap, end, Integrator::DormandPrince);
         assert_eq!(found.fired, Some(0));
@@ -352,8 +347,8 @@ mod tests {
         let end = 2.0_f64.powi(-10);
         let gaps = |t: f64| {
             let (gap, faces) = (0.301 * end - t, t < 0.302 * end);
-            let apart = GuardValue::gap(APART, 0.0);
-            let there = GuardValue::gap(gap, -1.0);
+            let apart = GuardValue::gap((APART, 0.0), ROUNDING);
+            let there = GuardValue::gap((gap, -1.0), ROUNDING);
             vec![if faces { apart } else { there }, if faces { there } else { apart }]
         };
         let (found, _, _) = run_all(gaps, end, Integrator::DormandPrince);
@@ -366,7 +361,7 @@ mod tests {
     fn a_leg_is_not_evaluated_beyond_its_end() {
         for integrator in [Integrator::DormandPrince, Integrator::Radau] {
             for end in [1e-14, 5e-7, 2e-6, 1e-3, 3.0] {
-                let (found, _, latest) = run(|_| GuardValue::gap(1.0, 0.0), end, integrator);
+                let (found, _, latest) = run(|_| GuardValue::gap((1.0, 0.0), ROUNDING), end, integrator);
                 assert_eq!((found.time, found.fired), (end, None));
                 // The last step ends at the rounded sum of its start and its length.
                 assert!((latest / end - 1.0).abs() < 1e-15, "{integrator:?}: {latest} beyond {end}");

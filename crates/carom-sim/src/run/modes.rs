@@ -6,7 +6,7 @@ use super::trajectory::{EventKind, StepReason};
 use crate::contact::APART;
 use crate::error::SimError;
 use crate::motion::{Candidate, Dry, DryJoint, Hold, Lasting};
-use crate::state::Space;
+use crate::state::{EQUAL, Space};
 use nalgebra::Vector3;
 
 impl<A: Space> Run<'_, '_, A> {
@@ -31,13 +31,11 @@ impl<A: Space> Run<'_, '_, A> {
         let dry = self.motion.dry.clone();
         let mut touches: Vec<usize> = old.iter().filter(|own| own.is_rigid()).map(|own| own.touch).collect();
         touches.extend(more);
-        let rest = self.motion.rest();
-        let closed = self.motion.closed();
         touches.retain(|touch| Some(*touch) != gone);
         for (touch, (gap, rate)) in self.gaps()? {
             let compliant = self.motion.sim.touches[touch].contact.compliance.is_some();
             let open = compliant || Some(touch) == gone || touches.contains(&touch);
-            if !open && gap.abs() <= closed && rate.abs() <= rest {
+            if !open && gap.abs() <= self.motion.closed(touch) && rate.abs() <= self.motion.rest_of(touch) {
                 touches.push(touch);
             }
         }
@@ -95,7 +93,7 @@ impl<A: Space> Run<'_, '_, A> {
         self.note_open()?;
         let rested = std::mem::replace(&mut self.memory.resting, false);
         let rest = self.motion.rest();
-        let still = self.motion.split(&self.y).1.iter().all(|v| v.abs() <= rest);
+        let still = self.motion.scale.fastest(self.motion.split(&self.y).1) <= rest;
         let held =
             self.motion.lasting.iter().any(Lasting::is_rigid) && self.motion.lasting.iter().all(Lasting::is_rigid);
         if !still || !held || !self.is_steady() || self.time >= self.end {
@@ -105,8 +103,8 @@ impl<A: Space> Run<'_, '_, A> {
             Err(SimError::Jam { .. }) => return Ok(()),
             held => held?.qdd,
         };
-        let gravity = self.motion.sim.gravity.norm().max(rest);
-        if qdd.amax() > 1e-9 * gravity {
+        let scale = &self.motion.scale;
+        if scale.fastest(qdd.iter()) > EQUAL * self.motion.sim.gravity.norm().max(rest * scale.pace) {
             return Ok(());
         }
         let before = self.y.clone();

@@ -5,7 +5,7 @@
 //! fires there, once: the next leg starts with that guard not armed. If the rate of an armed guard is negative at the
 //! start of a step and not negative at its end, its minimum within the step is evaluated, so that a short or grazing contact
 //! is detected. Of a gap that closes at its rate within a step, and whose parts do not face each other at its end, some times within
-//! the step are examined. The hysteresis of a gap is [`HYSTERESIS`], so that rounding after an impact does not count as opening; that of a
+//! the step are examined. The hysteresis of a gap is its rounding, so that rounding after an impact does not count as opening; that of a
 //! velocity is its error. A gap or a velocity that is not armed and falls by more than its hysteresis fires
 //! as well, so that no contact penetrates. Forces have none: they are armed when they are positive.
 //!
@@ -21,7 +21,7 @@
 //! zero where they did.
 
 use super::flow::System;
-use super::guard::{GuardValue, HYSTERESIS};
+use super::guard::GuardValue;
 use super::root::descent;
 use super::sampler::{Sampler, Step};
 use super::trajectory::Segment;
@@ -47,8 +47,8 @@ const NEAR: f64 = 0.1;
 /// The error of the minimum of a parabola, as a share of its curvature times the square of the distance of its points.
 const MISS: f64 = 0.02;
 const PARABOLAS: usize = 6;
-/// A gap that is below zero by more than this at its root on the dense output has jumped, m.
-const JUMP: f64 = 1e-10;
+/// A gap that is below zero by more than this number of its hystereses at its root on the dense output has jumped.
+const JUMP: f64 = 1e4;
 
 /// A guard that fired within a step.
 pub(crate) struct Crossing {
@@ -207,13 +207,15 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         dense: &StepInterpolant,
     ) -> ((f64, f64), usize) {
         let gaps: Vec<usize> = (0..self.before.len())
-            .filter(|&k| self.before[k].is_gap() && self.before[k].value > HYSTERESIS && self.levels[k] == Some(0.0))
+            .filter(|&k| {
+                self.before[k].is_gap && self.before[k].value > self.before[k].least() && self.levels[k] == Some(0.0)
+            })
             .collect();
         let least = |it: &mut Self, time: f64| {
             let values = gaps.iter().map(|&k| (it.at(k, time, dense).value, k));
             values.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((APART, k))
         };
-        if !gaps.contains(&k) || self.at(k, time, dense).value > -JUMP {
+        if !gaps.contains(&k) || self.at(k, time, dense).value > -JUMP * self.before[k].least() {
             return ((time, level), k);
         }
         let (first, _) = least(self, start);
@@ -299,7 +301,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
     fn passed(&mut self, part: Part, dense: &StepInterpolant) -> Option<(f64, f64)> {
         let Part { k, level, start, end, before, after } = part;
         let closing = before.rate.is_some_and(|rate| before.value + rate * (end - start) < level);
-        if !after.is_gap() || after.value < APART || !closing {
+        if !after.is_gap || after.value < APART || !closing {
             return None;
         }
         let times = (1..PROBES).map(|i| start + (end - start) * i as f64 / PROBES as f64);

@@ -15,15 +15,13 @@ use super::trajectory::EventKind;
 use crate::contact::{SeveralLaw, Solved, UNSOLVED};
 use crate::error::SimError;
 use crate::motion::{Constraints, Lasting, Level, push};
-use crate::state::Space;
+use crate::state::{CLEAR, EQUAL, EXACT, Space};
 use carom_chain::Rows;
 use carom_impact::{Accuracy, Constraint, SeveralProblem};
 use nalgebra::DVector;
 
 /// Accuracy of the impulses of an impact.
-const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5000 };
-/// Contacts that still approach, by more than this share of the velocity of the surfaces, squeeze the robot.
-const SQUEEZE: f64 = 1e-6;
+const ACCURACY: Accuracy = Accuracy { tolerance: EXACT, max_iterations: 5000 };
 /// The approach velocity of an impact without collision, as a share of the largest velocity of the contacts.
 const VANISHING: f64 = 1e-8;
 /// Such an impact jumps by more than this share; contacts that do not jam, by some multiple of the approach velocity.
@@ -71,7 +69,7 @@ impl<A: Space> Run<'_, '_, A> {
         let struck: Vec<Struck> =
             together.iter().zip(&approach).map(|(&touch, &approach)| Struck { touch, approach }).collect();
         // Separation velocities of the size of the solver's error count as zero.
-        self.after(&struck, scale * 1e-9, &before)
+        self.after(&struck, EQUAL * scale, &before)
     }
 
     /// # Errors
@@ -93,7 +91,7 @@ impl<A: Space> Run<'_, '_, A> {
         let smooth = vec![Constraint::Stop { restitution: 0.0 }; normals.len()];
         let apart = SeveralProblem::from_gram(k, u, smooth)?.simultaneous(&ACCURACY, None)?;
         let fastest = -apart.u_plus.min();
-        if apart.residual <= UNSOLVED || fastest <= SQUEEZE * moves {
+        if apart.residual <= UNSOLVED || fastest <= CLEAR * moves {
             return Ok(());
         }
         let names = table.contacts.iter().map(|contact| self.motion.sim.touches[contact.own.touch].name.clone());

@@ -15,7 +15,8 @@
 //! Compliant contacts press at their state in the middle of the step, as the drives do.
 //!
 //! **Error and step.** The difference of the positions after one step and after two of half its length estimates the error of the
-//! step; the motion goes on from the two. The step is accepted where the estimate is at most 0.01 √(tolerance) (rad, m), and the next
+//! step; the motion goes on from the two. The step is accepted where the estimate is at most 0.01 √(tolerance) (rad, or the length of the
+//! scene, `motion/zero.rs`), and the next
 //! one follows from it, because the error of a step is of second order in its length. An impact within a step has an error of first
 //! order: the shortest step is 1/256 of `contact_step`, the longest is `contact_step`. Where time steps are asked for, all have the
 //! length `contact_step`.
@@ -25,13 +26,13 @@
 //! none, or if the events that follow end soon at the next inconsistency, the next stretch of steps is twice as long. So the number of
 //! stretches in a time is bounded, and most of it is covered by events where that is possible.
 
-use super::events::{Run, TOUCHING, is_reached};
+use super::events::Run;
 use super::memory::Memory;
 use super::trajectory::{EventKind, GAIN, StepReason};
 use crate::contact::{ContactMode, SeveralLaw, Touch};
 use crate::error::SimError;
 use crate::motion::{Constraints, Contact, ContactState, Dry, Hold, Lasting, Level, Loads, Motion, Near, push};
-use crate::state::{Loops, Space, View};
+use crate::state::{EQUAL, EXACT, Loops, Space, View};
 use carom_chain::{ChainError, Rows};
 use carom_impact::{Accuracy, Constraint, Flags};
 use nalgebra::{Cholesky, DVector, Dyn, Vector3};
@@ -46,10 +47,6 @@ const WAIT: f64 = 20.0;
 const BETWEEN: f64 = 256.0;
 /// After this number of steps of full length without motion the chain is at rest.
 const STILL_STEPS: f64 = 20.0;
-/// Joint velocities below this count as zero, rad/s or m/s.
-const STILL: f64 = 1e-10;
-/// Overlaps up to this are not corrected, m.
-const OVERLAP: f64 = 1e-12;
 /// The error of a step that is accepted, as a multiple of the square root of the tolerance.
 const SHARE: f64 = 0.01;
 /// The full length over the shortest.
@@ -91,7 +88,7 @@ impl<A: Space> Run<'_, '_, A> {
         while self.time < self.end {
             let start = self.time;
             let until = self.end.min(sim.next_kink(&self.motion.moving, start));
-            if is_reached(until, start) {
+            if self.motion.scale.is_reached(until, self.time) {
                 self.time = until;
                 continue;
             }
@@ -172,10 +169,11 @@ impl<A: Space> Run<'_, '_, A> {
             let first = self.time_step(step / 2.0)?;
             let second = self.time_step(step / 2.0)?;
             let error = whole[..nq].iter().zip(&self.y).map(|(one, two)| (one - two).abs()).fold(0.0, f64::max);
-            let ends = error <= accepted || step <= shortest;
+            let share = self.motion.scale.apart(&whole[..nq], &self.y[..nq]);
+            let ends = share <= accepted || step <= shortest;
             // A step that the end or a kink of the forces shortens says nothing about longer ones.
             if !(ends && step < *length) {
-                let factor = (SAFE * (accepted / error).sqrt()).clamp(1.0 / CHANGE, CHANGE);
+                let factor = (SAFE * (accepted / share).sqrt()).clamp(1.0 / CHANGE, CHANGE);
                 *length = (step * factor).clamp(shortest, sim.contact_step);
             }
             if ends {
@@ -197,16 +195,16 @@ impl<A: Space> Run<'_, '_, A> {
         let before = self.y.clone();
         self.put_back(0.0)?;
         self.measure();
-        let gravity = sim.gravity.norm().max(1.0);
+        let gravity = sim.gravity.norm().max(self.motion.scale.acceleration());
         // Within one step of fall, in position and velocity.
         let (depth, speed) = (4.0 * gravity * step.powi(2), 4.0 * gravity * step);
-        let rest = self.motion.rest();
         let loaded = |touch| self.stepped.iter().any(|own| own.touch == touch && own.normal_force > 0.0);
         let loaded: Vec<bool> = (0..sim.touches.len()).map(loaded).collect();
         let (mut hits, mut closed) = (Vec::new(), Vec::new());
         for (touch, (gap, rate)) in self.gaps()? {
+            let (rest, touching) = (self.motion.rest_of(touch), self.motion.scale.touching(touch));
             let lasts = loaded[touch] && gap <= depth && rate.abs() <= speed;
-            if self.motion.lasts(touch) || !lasts && (gap > TOUCHING || rate > rest) {
+            if self.motion.lasts(touch) || !lasts && (gap > touching || rate > rest) {
                 continue;
             }
             if lasts || rate >= -rest { closed.push(touch) } else { hits.push(touch) }
@@ -215,8 +213,9 @@ impl<A: Space> Run<'_, '_, A> {
         let hold = Hold::Slides { toward: Vector3::zeros() };
         let normals: Vec<Lasting> = closed.iter().map(|&touch| Lasting { touch, hold }).collect();
         self.motion.project(&normals, self.time, &mut self.y)?;
-        let fine = |&(k, (gap, _)): &Near| gap >= -TOUCHING || sim.touches[k].is_compliant();
-        let clear = points && self.gaps()?.iter().all(fine);
+        let (gaps, scale) = (self.gaps()?, &self.motion.scale);
+        let fine = |&(k, (gap, _)): &Near| gap >= -scale.touching(k) || sim.touches[k].is_compliant();
+        let clear = points && gaps.iter().all(fine);
         if !clear || hits.is_empty() && !self.has_mode(&closed)? {
             self.y = before;
             self.motion.lasting.retain(|own| !own.is_rigid());
@@ -305,7 +304,7 @@ impl<A: Space> Run<'_, '_, A> {
         let Loads { tau, bends, .. } = self.motion.loads(middle_time, &there)?;
         let dry = self.motion.dry.clone();
         let (stiffness, damping) = self.motion.regulation();
-        let Motion { model, workspace, couplings, gaps: near, .. } = &mut self.motion;
+        let Motion { model, workspace, couplings, gaps: near, scale, .. } = &mut self.motion;
         let mut view = View::closed_by(*model, workspace, &middle, couplings)?;
         let v = DVector::from_column_slice(&qd);
         // Damping and controllers are implicit (velocity at the end of the step), so that stiff ones stay stable:
@@ -339,12 +338,12 @@ impl<A: Space> Run<'_, '_, A> {
         }
 
         let mut table = Constraints::new(nv);
-        for k in near.near(&view, (&middle, &qd), middle_time, TOUCHING)? {
+        for k in near.near(&view, (&middle, &qd), middle_time, EQUAL * scale.length)? {
             let touch = &sim.touches[k];
             if touch.is_compliant() {
                 continue;
             }
-            for at in touch.points(&view, &middle, middle_time, TOUCHING) {
+            for at in touch.points(&view, &middle, middle_time, scale.touching(k)) {
                 if touch.moves(&at, &mut view)? {
                     table.add((&Lasting::of(k, touch, None), touch), (&at, &view), middle_time, Level::Velocities)?;
                 }
@@ -406,7 +405,8 @@ impl<A: Space> Run<'_, '_, A> {
         if !self.motion.energy(&self.y)?.is_finite() {
             return Err(SimError::Diverged { time: start });
         }
-        let still = next.amax() < STILL;
+        let scale = &self.motion.scale;
+        let still = scale.fastest(next.iter()) < 0.1 * EQUAL * scale.length * scale.pace;
         Ok(TimeStep { start, end: self.time, before: (q, qd), middle, after: self.y.clone(), told, open, still })
     }
 
@@ -439,7 +439,7 @@ impl<A: Space> Run<'_, '_, A> {
         let (q, qd) = self.q_qd();
         let time = self.time;
         let (mut table, mut responses) = (Constraints::new(qd.len()), Rows::default());
-        let Motion { model, workspace, couplings, gaps: near, .. } = &mut self.motion;
+        let Motion { model, workspace, couplings, gaps: near, scale, .. } = &mut self.motion;
         let mut view = View::closed_by(*model, workspace, &q, couplings)?;
         for k in near.near(&view, (&q, &qd), time, 0.0)?.into_iter().filter(|k| !sim.touches[*k].is_compliant()) {
             let touch = &sim.touches[k];
@@ -447,7 +447,8 @@ impl<A: Space> Run<'_, '_, A> {
                 table.add((&Lasting::of(k, touch, None), touch), (&at, &view), time, Level::Positions)?;
             }
         }
-        if table.contacts.iter().all(|contact| contact.gap + allowed > -OVERLAP) {
+        let overlap = |k: usize| EXACT * scale.length * scale.per_touch[k];
+        if table.contacts.iter().all(|contact| contact.gap + allowed > -overlap(contact.own.touch)) {
             return Ok(());
         }
         view.respond(&table.rows, &mut responses)?;

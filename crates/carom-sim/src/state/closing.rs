@@ -1,5 +1,6 @@
 //! A chain with loops at one configuration: the rows of its loops, what they leave of its responses, and their closing.
 
+use super::accuracy::{EXACT, ROUNDING};
 use super::coupling::{Coupling, Loops};
 use super::space::{Space, View};
 use crate::error::SimError;
@@ -128,10 +129,6 @@ impl<A: Space> View<'_, A> {
 
 /// Accelerations below this share of those without loops are rounding.
 const LOST: f64 = 64.0 * f64::EPSILON;
-/// Distances up to this are rounding, m; velocities, m/s.
-const ROUNDING: f64 = 1e-15;
-/// A loop whose points are within this distance is closed, m: far above rounding, far below any tolerance of integration.
-const CLOSED: f64 = 1e-12;
 /// Newton's steps from any start.
 const STEPS: usize = 50;
 /// Share of the chain's reach that may stay open along rows that depend on others: no joint closes it. Axes that a file gives
@@ -154,7 +151,7 @@ pub(crate) fn close_loops<A: Space>(
         return Ok(false);
     }
     let mut changed = false;
-    let reach = couplings.iter().fold(1.0_f64, |most, coupling| most.max(coupling.reach));
+    let reach = couplings.iter().fold(0.0_f64, |most, coupling| most.max(coupling.reach));
     for step in 0.. {
         let mut view = View::closed_by(model, workspace, q, couplings)?;
         let gaps = view.gaps();
@@ -163,14 +160,18 @@ pub(crate) fn close_loops<A: Space>(
         let open = closed.as_ref().map_or(0.0, |closed| closed.most(|row| along[row]));
         // A joint that has turned many times is rounded to its own digits.
         let rounding = 4.0 * f64::EPSILON * reach * q.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        let within = CLOSED.max(rounding);
-        if open <= if step == 0 { ROUNDING } else { within } || step == STEPS {
+        let within = (EXACT * reach).max(rounding);
+        if open <= if step == 0 { 0.1 * ROUNDING * reach } else { within } || step == STEPS {
             let excess = |k: &usize| gaps[*k].norm() / couplings[*k].reach;
             let worst = (0..gaps.len()).max_by(|a, b| excess(a).total_cmp(&excess(b))).unwrap_or(0);
             if !(open <= within && excess(&worst) <= SLACK) {
                 return Err(SimError::Loop { name: couplings[worst].name.to_string(), gap: gaps[worst].into() });
             }
-            if let Some(closed) = closed.filter(|closed| closed.most(|row| closed.rows.dot(row, qd)) > ROUNDING) {
+            // The velocities along the rows, as shares of their terms.
+            let opens = |closed: &Loops| {
+                closed.most(|row| closed.rows.dot(row, qd)) > 0.1 * ROUNDING * closed.most(|row| closed.terms(row, qd))
+            };
+            if let Some(closed) = closed.filter(opens) {
                 closed.bind(qd, None);
                 changed = true;
             }

@@ -81,6 +81,11 @@ impl Loops {
         }
     }
 
+    /// The size of the terms of L x along a row, of which its rounding is a share.
+    pub fn terms(&self, row: usize, x: &[f64]) -> f64 {
+        self.rows.row(row).iter().zip(x).map(|(l, x)| (l * x).abs()).sum()
+    }
+
     /// The largest size of a number of the independent rows; not a number if one of them is not.
     pub fn most(&self, number: impl Fn(usize) -> f64) -> f64 {
         self.basis.rows.iter().fold(0.0, |most, row| if number(*row).abs() <= most { most } else { number(*row).abs() })

@@ -1,5 +1,6 @@
 //! A chain at one state, in the plane or in space.
 
+mod accuracy;
 mod basis;
 mod closing;
 mod contact_impulse;
@@ -9,6 +10,7 @@ mod profile;
 mod reach;
 mod space;
 
+pub(crate) use accuracy::{CLEAR, EQUAL, EXACT, ROUNDING};
 pub(crate) use basis::{Basis, Spread};
 pub(crate) use closing::close_loops;
 pub use contact_impulse::ContactImpulse;
