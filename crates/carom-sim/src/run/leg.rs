@@ -146,13 +146,12 @@ fn refine(
             }
         }
         statistics.refinements += 1;
-        let GuardValue { value, rate: Some(rate), .. } = system.0.borrow_mut().flow.guard(guard, time, &exact)? else {
-            break;
-        };
+        let there = system.0.borrow_mut().flow.guard(guard, time, &exact)?;
+        let GuardValue { value, rate: Some(rate), .. } = there else { break };
         correction = (level - value) / rate;
         let negligible = correction.abs() <= 4.0 * f64::EPSILON * time.abs().max(time - start);
         // A gap is a difference of positions and is exact to their rounding only.
-        let reached = (level - value).abs() <= 4.0 * f64::EPSILON;
+        let reached = there.is_gap && (level - value).abs() <= 0.1 * there.least();
         if negligible || reached || !(start..=end).contains(&(time + correction)) {
             break;
         }
