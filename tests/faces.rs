@@ -1,8 +1,6 @@
 //! Bodies whose faces and edges touch: closed forms of tipping, sliding off an edge, resting on crossings of edges, rolling.
 
-mod bodies;
-
-use bodies::{floating_box, in_plane};
+use crate::bodies::{floating_box, in_plane};
 use carom::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;

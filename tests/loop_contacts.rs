@@ -1,7 +1,8 @@
 //! Mechanisms with closed loops that are struck, pushed and held.
 
-mod mechanisms;
-
+use crate::mechanisms::{
+    Cut, FourBar, G, PARALLELOGRAM_INERTIA as INERTIA, Rod, ball, chain_and, closure, parallelogram, pin, turned,
+};
 use carom::Chain;
 use carom::impact::ImpactProblem;
 use carom::sim::{
@@ -10,9 +11,6 @@ use carom::sim::{
 };
 use carom_contact::Obstacle;
 use carom_impact::{Coefficients, Newton};
-use mechanisms::{
-    Cut, FourBar, G, PARALLELOGRAM_INERTIA as INERTIA, Rod, ball, chain_and, closure, parallelogram, pin, turned,
-};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 const BAR: FourBar = FourBar { crank: 0.3, coupler: 0.9, rocker: 0.8, ground: 0.7 };

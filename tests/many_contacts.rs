@@ -9,8 +9,7 @@ use carom::sim::{
 use carom_contact::Obstacle;
 use nalgebra::{Vector2, Vector3};
 
-mod bodies;
-use bodies::{floating_box, in_plane};
+use crate::bodies::{floating_box, in_plane};
 
 const G: f64 = 9.81;
 

@@ -1,8 +1,6 @@
 //! Bodies with faces and edges that tumble past each other: no contact is missed, in free motion or beside one that lasts.
 
-mod bodies;
-
-use bodies::floating_box;
+use crate::bodies::floating_box;
 use carom::sim::{ContactRule, Sampling, Seen, Simulation, Surface, Touch};
 use carom::{Chain, Energetic, Newton};
 use carom_chain::urdf::LoadOptions;

@@ -6,8 +6,7 @@ use carom::sim::{ContactLaw, ContactMode, ContactRule, EventKind, Simulation, Su
 use carom_contact::Obstacle;
 use nalgebra::Vector3;
 
-mod bodies;
-use bodies::{floating_box, in_plane};
+use crate::bodies::{floating_box, in_plane};
 
 const G: f64 = 9.81;
 

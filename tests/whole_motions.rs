@@ -7,8 +7,7 @@ use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use nalgebra::{DVector, Vector3};
 
-mod bodies;
-use bodies::{floating_box, in_plane};
+use crate::bodies::{floating_box, in_plane};
 
 const G: f64 = 9.81;
 /// Zeno time of the simulations, s, that of their tolerance of 1e-11. Accumulations of two contacts in turn end by the time that one of them still needs, a fraction of

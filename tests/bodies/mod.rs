@@ -1,5 +1,4 @@
 //! Bodies of the tests of several contacts.
-#![allow(dead_code)] // Each test file uses its part.
 
 use carom::Chain;
 use carom_chain::urdf::LoadOptions;

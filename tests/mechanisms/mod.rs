@@ -1,5 +1,4 @@
 //! Mechanisms of the tests of loops: uniform rods with hinges about z, in the x–y plane.
-#![allow(dead_code)] // Each test file uses its part.
 
 use carom::Chain;
 use carom::sim::{Loop, LoopFrame, LoopJoint};

@@ -1,0 +1,34 @@
+//! The tests of carom-sim. A file is a module; `cargo test MODULE::` runs those of one.
+
+mod batch;
+mod beams;
+mod census;
+mod censuses;
+mod compliant_sets;
+mod compliant_shapes;
+mod derivatives;
+mod drives;
+mod event_times;
+mod held_joints;
+mod impact_at_points;
+mod jams;
+mod lasting_contacts;
+mod laws;
+mod moving_surfaces;
+mod no_mobility;
+mod non_unique;
+mod obstacles;
+mod parquet_inputs;
+mod reference;
+mod rims;
+mod robots_in_scenes;
+mod scale;
+mod scene_files;
+mod sessions;
+mod several_robots;
+mod single_impacts;
+mod singular_strikes;
+mod slip_begins;
+mod slip_ends;
+mod step_energy;
+mod sticking_corner;
