@@ -7,6 +7,7 @@ mod fit;
 mod map_pictures;
 mod map_study;
 mod mutated_inputs;
+mod paper;
 mod paper_figures;
 mod part;
 mod reference;

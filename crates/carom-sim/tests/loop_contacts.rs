@@ -1,16 +1,17 @@
 //! Mechanisms with closed loops that are struck, pushed and held.
 
-use crate::mechanisms::{
-    Cut, FourBar, G, PARALLELOGRAM_INERTIA as INERTIA, Rod, ball, chain_and, closure, parallelogram, pin, turned,
-};
-use carom::Chain;
-use carom::impact::ImpactProblem;
-use carom::sim::{
+use carom_chain::Chain;
+use carom_contact::Obstacle;
+use carom_impact::ImpactProblem;
+use carom_impact::{Coefficients, Newton};
+use carom_sim::{
     Compliance, ContactLaw, ContactRule, Drive, Event, EventKind, Holding, Loop, SeveralLaw, Simulation, Spring,
     Surface, Touch, Yielding,
 };
-use carom_contact::Obstacle;
-use carom_impact::{Coefficients, Newton};
+use carom_testing::mechanisms::{
+    Cut, FourBar, PARALLELOGRAM_INERTIA as INERTIA, Rod, ball, chain_and, closure, parallelogram, pin, turned,
+};
+use carom_testing::scenes::G;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 const BAR: FourBar = FourBar { crank: 0.3, coupler: 0.9, rocker: 0.8, ground: 0.7 };

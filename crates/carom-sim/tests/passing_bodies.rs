@@ -1,10 +1,11 @@
 //! Bodies with faces and edges that tumble past each other: no contact is missed, in free motion or beside one that lasts.
 
-use crate::bodies::floating_box;
-use carom::sim::{ContactRule, Sampling, Seen, Simulation, Surface, Touch};
-use carom::{Chain, Energetic, Newton};
+use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
+use carom_impact::{Energetic, Newton};
+use carom_sim::{ContactRule, Sampling, Seen, Simulation, Surface, Touch};
+use carom_testing::build::floating_box;
 use nalgebra::{Isometry3, Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
@@ -101,7 +102,7 @@ fn a_cylinder_along_an_edge_moves_as_a_ball_across_it() {
         };
         let (cylinder, ball) = (run("<cylinder radius='0.26' length='0.3'/>"), run("<sphere radius='0.26'/>"));
         assert_eq!(cylinder.summary.statistics.contact_steps, 0);
-        let strikes = |run: &carom::sim::Trajectory| run.events.first().map(|event| event.time);
+        let strikes = |run: &carom_sim::Trajectory| run.events.first().map(|event| event.time);
         assert!((strikes(&cylinder).unwrap() - strikes(&ball).unwrap()).abs() < 1e-10);
         let (a, b) = (&cylinder.summary.last, &ball.summary.last);
         for (k, (a, b)) in a.q.iter().chain(&a.qd).zip(b.q.iter().chain(&b.qd)).enumerate() {

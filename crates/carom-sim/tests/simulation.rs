@@ -1,12 +1,12 @@
 //! Event-driven simulation against closed forms.
 
-use carom::Chain;
-use carom::impact::Coefficients;
-use carom::sim::{
-    ContactLaw, ContactMode, ContactRule, EventKind, Sampling, Scene, Seen, Simulation, StopReason, Surface, Touch,
-};
+use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
+use carom_impact::Coefficients;
+use carom_sim::{
+    ContactLaw, ContactMode, ContactRule, EventKind, Sampling, Scene, Seen, Simulation, StopReason, Surface, Touch,
+};
 use nalgebra::Vector3;
 
 const G: f64 = 9.81;
@@ -143,7 +143,7 @@ fn sliding_ball_begins_to_roll_at_the_closed_form_time() {
         run.events.iter().find(|e| matches!(e.kind, EventKind::Mode { mode: ContactMode::Sticking { .. } })).unwrap();
     let time = 2.0 * v / (7.0 * 0.2 * G);
     assert!((rolls.time - time).abs() < 1e-7, "{} against {time}", rolls.time);
-    let speed = |m: &carom::sim::Moment| {
+    let speed = |m: &carom_sim::Moment| {
         // World velocity of the centre: child axes turn with the ball.
         let kin_q = &m.q;
         let mut rate = vec![0.0; 7];
@@ -155,7 +155,7 @@ fn sliding_ball_begins_to_roll_at_the_closed_form_time() {
 }
 
 fn wall_scene(speed: f64, e: f64) -> (Simulation, [f64; 2], Vec<f64>) {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
+    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/planar2.urdf")).unwrap();
     let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
     let mut sim = simulation(chain, wall, rule("energetic", e, 0.0));
     sim.gravity = Vector3::zeros();
@@ -178,10 +178,10 @@ fn restitution_is_exact_at_every_approach_speed() {
             let EventKind::Impact { hit, .. } = &run.events[0].kind else { panic!("{:?}", run.events[0]) };
             assert!(((hit.u_plus.x / hit.u_minus.x) + e).abs() < 1e-12, "{speed} {e}");
             // The jump of all joint velocities equals that of a single impact at the pose of the event.
-            let law = carom::Frictionless { restitution: e };
+            let law = carom_impact::Frictionless { restitution: e };
             let tip = sim.chain.frame("tip").unwrap();
             let event = &run.events[0];
-            use carom::Impacts;
+            use carom_sim::Impacts;
             let exact =
                 sim.chain.impact(&event.q, &event.qd_minus).at(tip).normal([-1.0, 0.0, 0.0]).resolve(&law).unwrap();
             for (a, b) in event.qd_plus.iter().zip(&exact.qd_plus) {
@@ -276,7 +276,7 @@ fn bead_leaves_a_smooth_sphere_at_the_closed_form_angle() {
 /// A falling chain without impacts conserves its energy over a minute and thousands of steps.
 #[test]
 fn energy_is_conserved_without_impacts() {
-    let chain = carom::uniform_chain(2, 2.0, 2.0).unwrap();
+    let chain = carom_chain::uniform_chain(2, 2.0, 2.0).unwrap();
     let far = Obstacle::half_space(Vector3::new(0.0, 0.0, -100.0), Vector3::z()).unwrap();
     let mut sim = simulation(chain, far, rule("frictionless", 0.5, 0.0));
     sim.gravity = Vector3::new(0.0, -G, 0.0);
@@ -295,7 +295,7 @@ fn energy_is_conserved_without_impacts() {
 /// Multiples of the interval that exceed the duration by rounding, such as 3 × 0.1 s, are samples at its end.
 #[test]
 fn the_last_sample_of_a_run_is_at_its_end() {
-    let chain = carom::uniform_chain(2, 2.0, 2.0).unwrap();
+    let chain = carom_chain::uniform_chain(2, 2.0, 2.0).unwrap();
     let far = Obstacle::half_space(Vector3::new(0.0, 0.0, -100.0), Vector3::z()).unwrap();
     let sim = simulation(chain, far, rule("frictionless", 0.5, 0.0));
     for (duration, every, count) in [(0.3, 0.1, 4), (0.7, 0.1, 8), (1.2, 0.1, 13), (0.35, 2e-4, 1751), (0.35, 0.1, 4)] {
@@ -341,7 +341,7 @@ fn reaching_a_joint_limit_is_an_impact() {
 
 #[test]
 fn shipped_planar2_scene_runs() {
-    let scene = Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/planar2.toml")).unwrap();
+    let scene = Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/planar2.toml")).unwrap();
     let run = scene.simulation.run(&scene.q, &scene.qd, scene.duration).unwrap();
     let EventKind::Impact { hit, .. } = &run.events[0].kind else { panic!("{:?}", run.events[0]) };
     assert!((hit.u_plus.x + 0.35 * hit.u_minus.x).abs() < 1e-15);
@@ -361,7 +361,7 @@ fn invalid_simulations_are_refused_with_the_reason() {
     assert_eq!(said(1.0, 1e-9, -1.0), "duration is -1: it must be positive and finite");
     assert!(ContactLaw::named("hertz", Coefficients::default()).is_none());
     // A robot without collision shapes has no touches.
-    let arm = carom::uniform_chain(2, 2.0, 2.0).unwrap();
+    let arm = carom_chain::uniform_chain(2, 2.0, 2.0).unwrap();
     assert!(
         Touch::all(&arm, &[surface(level(), rule("newton", 0.5, 0.0))], 0.0).unwrap().touches.is_empty(),
         "the chain has no collision shapes"

@@ -1,10 +1,10 @@
 //! Loops as joints: a robot whose joint is a loop moves and is struck as the same robot with the joint in its tree.
 
-use carom::Chain;
-use carom::sim::{ContactLaw, ContactRule, Event, Loop, LoopFrame, LoopJoint, Sampling, Simulation, Surface, Touch};
+use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use carom_impact::Coefficients;
+use carom_sim::{ContactLaw, ContactRule, Event, Loop, LoopFrame, LoopJoint, Sampling, Simulation, Surface, Touch};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 const G: f64 = 9.81;
@@ -157,7 +157,7 @@ fn a_point_is_a_spherical_pendulum() {
     let mut states = Vec::new();
     let sampling = Sampling { every: Some(0.25), dense: false };
     sim.stream(&q, &qd, duration, sampling, &mut |seen| {
-        if let carom::sim::Seen::Moment(moment) = seen {
+        if let carom_sim::Seen::Moment(moment) = seen {
             states.push(moment.clone());
         }
     })

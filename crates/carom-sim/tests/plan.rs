@@ -1,14 +1,14 @@
 //! The reductions of a plan: exact reductions change results by rounding only; the others stay within their bound.
 
-use carom::Chain;
-use carom::impact::Coefficients;
-use carom::sim::{ContactLaw, ContactRule, Moment, Oscillation, Scene, Simulation, Surface, Touch};
+use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
+use carom_impact::Coefficients;
+use carom_sim::{ContactLaw, ContactRule, Moment, Oscillation, Scene, Simulation, Surface, Touch};
 use nalgebra::Vector3;
 use std::path::PathBuf;
 
-const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 /// Loads a scene from its text, together with the text of its robot.
 fn scene(name: &str, robot: &str, text: &str) -> Scene {
@@ -62,7 +62,7 @@ fn same_motion(name: &str, robot: &str, text: &str, kept: &[usize], least: usize
 }
 
 /// Whether the reduced model also has the touch of an event of the full model.
-fn less_touches(less: &Simulation, all: &Simulation, event: &carom::sim::Event) -> bool {
+fn less_touches(less: &Simulation, all: &Simulation, event: &carom_sim::Event) -> bool {
     event.kind.touch().is_none_or(|k| less.touches.iter().any(|touch| touch.name == all.touches[k].name))
 }
 
@@ -239,7 +239,7 @@ fn error_of_neglected_friction_is_within_the_reported_bound() {
             continue;
         };
         let [a_hit, b_hit] = [a_hit, b_hit].map(|event| match &event.kind {
-            carom::sim::EventKind::Impact { hit, .. } => hit.clone(),
+            carom_sim::EventKind::Impact { hit, .. } => hit.clone(),
             other => panic!("{other:?}"),
         });
         let change = (a_hit.u_plus - b_hit.u_plus).norm() / b_hit.u_minus.norm();
@@ -322,7 +322,7 @@ fn a_stiff_controller_selects_the_implicit_integrator() {
         .replace("q = [0.7854, -1.5708]", "q = [0.78, -1.57]");
     let scene = scene("stiff", &planar2(), &stiff);
     let plan = scene.plan().unwrap();
-    assert_eq!(plan.simulation.integrator, carom::sim::Integrator::Radau, "{:?}", plan.kept);
+    assert_eq!(plan.simulation.integrator, carom_sim::Integrator::Radau, "{:?}", plan.kept);
     let run = plan.simulation.run(&plan.q, &plan.qd, 1.0).unwrap();
     assert!(run.summary.statistics.steps < 2000, "{:?}", run.summary.statistics);
     // kd q̇ = kp (target − q): q − target decays as exp(−t), except for the sag under gravity (1e-5 of it).
@@ -375,9 +375,9 @@ fn a_planar_robot_sticks_in_space_as_in_its_plane() {
             let scene = scene("sticks", &robot, &text(model));
             let plan = scene.plan().unwrap();
             let mut forces = Vec::new();
-            let sampling = carom::sim::Sampling { every: Some(0.01), ..Default::default() };
-            let mut see = |seen: carom::sim::Seen| {
-                if let carom::sim::Seen::Contacts(_, contacts) = seen {
+            let sampling = carom_sim::Sampling { every: Some(0.01), ..Default::default() };
+            let mut see = |seen: carom_sim::Seen| {
+                if let carom_sim::Seen::Contacts(_, contacts) = seen {
                     forces.extend(contacts.iter().map(|contact| contact.force));
                 }
             };

@@ -1,12 +1,12 @@
 //! Simulations with several contacts at the same time.
 
-use carom::Chain;
-use carom::impact::Coefficients;
-use carom::sim::{ContactLaw, ContactMode, ContactRule, EventKind, Simulation, Surface, Touch};
+use carom_chain::Chain;
 use carom_contact::Obstacle;
+use carom_impact::Coefficients;
+use carom_sim::{ContactLaw, ContactMode, ContactRule, EventKind, Simulation, Surface, Touch};
 use nalgebra::Vector3;
 
-use crate::bodies::{floating_box, in_plane};
+use carom_testing::build::{floating_box, in_plane};
 
 const G: f64 = 9.81;
 

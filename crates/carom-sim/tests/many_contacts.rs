@@ -1,15 +1,15 @@
 //! Several lasting contacts, event-driven: closed forms, and independent integrations.
 
-use carom::Chain;
-use carom::impact::{Coefficients, Newton};
-use carom::sim::{
+use carom_chain::Chain;
+use carom_contact::Obstacle;
+use carom_impact::{Coefficients, Newton};
+use carom_sim::{
     ContactLaw, ContactRule, ContactState, Drive, EventKind, Gains, Sampling, Seen, Simulation, Surface, Touch,
     Trajectory,
 };
-use carom_contact::Obstacle;
 use nalgebra::{Vector2, Vector3};
 
-use crate::bodies::{floating_box, in_plane};
+use carom_testing::build::{floating_box, in_plane};
 
 const G: f64 = 9.81;
 
@@ -290,7 +290,7 @@ fn a_gripper_stops_a_box_without_turning_it() {
         tolerance = 1e-10
         "#
     );
-    let scene = carom::Scene::from_toml(&text, &folder).unwrap();
+    let scene = carom_sim::Scene::from_toml(&text, &folder).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
     let run = scene.plan().unwrap().run(scene.duration).unwrap();
     let slows = 2.0 * mu * squeeze / mass - G;

@@ -1,12 +1,13 @@
 //! Closed forms for dry friction, damping, torque tables, latches, moving surfaces and controllers, and the energy balance
 //! of each.
 
-use carom::sim::{
-    ContactMode, ContactRule, Drive, EventKind, ImpactInvariant, Oscillation, Simulation, Surface, Touch, Transition,
-};
-use carom::{Chain, Newton};
+use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
+use carom_impact::Newton;
+use carom_sim::{
+    ContactMode, ContactRule, Drive, EventKind, ImpactInvariant, Oscillation, Simulation, Surface, Touch, Transition,
+};
 use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
 
@@ -29,7 +30,7 @@ fn free(chain: Chain) -> Simulation {
     Simulation { tolerance: 1e-11, ..Simulation::new(chain, Vec::new()) }
 }
 
-fn assert_energy_balance(run: &carom::sim::Trajectory) {
+fn assert_energy_balance(run: &carom_sim::Trajectory) {
     let balance = run.summary.energy;
     let scale = balance.start.abs().max(balance.end.abs()).max(balance.impacts.abs()).max(1e-3);
     assert!(balance.error().abs() < 1e-8 * scale, "{balance:?}, error {}", balance.error());
@@ -75,7 +76,7 @@ fn a_damped_velocity_decays_exponentially() {
     assert!((run.summary.last.qd[0] - (-4.0_f64).exp()).abs() < 1e-10);
     assert_energy_balance(&run);
     // The implicit integrator gives the same result.
-    let stiff = Simulation { integrator: carom::sim::Integrator::Radau, tolerance: 1e-8, ..sim };
+    let stiff = Simulation { integrator: carom_sim::Integrator::Radau, tolerance: 1e-8, ..sim };
     let other = stiff.run(&[0.0], &[1.0], 2.0).unwrap();
     assert!((other.summary.last.qd[0] - run.summary.last.qd[0]).abs() < 1e-8);
 }
@@ -94,7 +95,7 @@ fn level() -> Obstacle {
 /// and two held directions the arm is at rest.
 #[test]
 fn a_latch_holds_the_tip_at_rest() {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
+    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/planar2.urdf")).unwrap();
     let wall = Obstacle::half_space(Vector3::new(0.64, 0.0, 0.0), -Vector3::x()).unwrap();
     let rule = ContactRule { latch: true, ..ContactRule::default() };
     let touches = touching(&chain, wall, rule, None);
@@ -175,7 +176,7 @@ fn the_flow_through_a_bounce_has_the_published_derivative() {
 }
 
 fn wall_arm(drive: Drive, after: Option<Drive>, e: f64) -> (Simulation, [f64; 2], Vec<f64>) {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
+    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/planar2.urdf")).unwrap();
     let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
     let rule = ContactRule::new(Newton { restitution: e, friction: 0.0 });
     let touches = touching(&chain, wall, rule, None).into_iter().filter(|t| t.link() == Some("tip")).collect();
@@ -246,7 +247,7 @@ fn impact_invariant_feedback_is_continuous_at_an_impact() {
         let mut ws = chain.workspace();
         let mut kin = ws.update(chain, &event.q).unwrap();
         let m = kin.mass_matrix();
-        let bias = |qd: &[f64], kin: &mut carom::Kinematics<carom_chain::Spatial<f64>>| {
+        let bias = |qd: &[f64], kin: &mut carom_chain::Kinematics<carom_chain::Spatial<f64>>| {
             kin.bias(qd, Vector3::zeros()).unwrap()
         };
         let (c_minus, c_plus) = (bias(&event.qd_minus, &mut kin), bias(&event.qd_plus, &mut kin));

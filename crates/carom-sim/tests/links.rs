@@ -1,9 +1,10 @@
 //! Contacts between two links of a chain.
 
-use carom::impact::{Coefficients, Energetic};
-use carom::sim::{ContactLaw, ContactRule, Event, EventKind, SeveralLaw, Simulation, Touch};
-use carom::{Chain, Frictionless};
+use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
+use carom_impact::Frictionless;
+use carom_impact::{Coefficients, Energetic};
+use carom_sim::{ContactLaw, ContactRule, Event, EventKind, SeveralLaw, Simulation, Touch};
 use nalgebra::Vector3;
 
 const RADIUS: f64 = 0.1;
@@ -125,7 +126,7 @@ fn a_collision_of_free_bodies_conserves_momentum() {
 /// Newton's cradle as shipped: the impacts are equally spaced in time and the energy is conserved.
 #[test]
 fn a_cradle_keeps_its_period_and_energy() {
-    let scene = carom::sim::Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cradle.toml")).unwrap();
+    let scene = carom_sim::Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/cradle.toml")).unwrap();
     let plan = scene.plan().unwrap();
     let run = plan.simulation.run(&plan.q, &plan.qd, 6.0).unwrap();
     let energy = &run.summary.energy;

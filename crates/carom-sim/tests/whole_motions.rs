@@ -1,13 +1,13 @@
 //! Whole motions with impacts while other contacts last, against quadratures, closed forms and time steps that get finer.
 
-use carom::Chain;
-use carom::impact::Newton;
-use carom::sim::{ContactRule, Drive, EventKind, Simulation, Surface, Touch};
+use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
+use carom_impact::Newton;
+use carom_sim::{ContactRule, Drive, EventKind, Simulation, Surface, Touch};
 use nalgebra::{DVector, Vector3};
 
-use crate::bodies::{floating_box, in_plane};
+use carom_testing::build::{floating_box, in_plane};
 
 const G: f64 = 9.81;
 /// Zeno time of the simulations, s, that of their tolerance of 1e-11. Accumulations of two contacts in turn end by the time that one of them still needs, a fraction of

@@ -1,12 +1,14 @@
 //! Compliant contacts: rebound with the given restitution, a force whose integral is the impulse, and the rigid limit.
 
-use carom::impact::Damping;
-use carom::sim::{
-    Compliance, ContactMode, ContactRule, Drive, EventKind, Holding, Simulation, Surface, Touch, Yielding,
-};
-use carom::{Chain, Energetic, Frictionless, Impacts};
+use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
+use carom_impact::Damping;
+use carom_impact::{Energetic, Frictionless};
+use carom_sim::Impacts;
+use carom_sim::{
+    Compliance, ContactMode, ContactRule, Drive, EventKind, Holding, Simulation, Surface, Touch, Yielding,
+};
 use nalgebra::Vector3;
 
 fn touching(chain: &Chain, obstacle: Obstacle, contact: ContactRule) -> Vec<Touch> {
@@ -70,7 +72,7 @@ fn a_compliant_ball_rebounds_with_the_given_restitution() {
 /// k^(−2/5) for n = 3/2.
 #[test]
 fn a_compliant_impact_converges_to_the_rigid_one_with_stiffness() {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
+    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/planar2.urdf")).unwrap();
     let wall = || Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
     let (q, qd) = ([0.78, -1.57], [0.1, 0.5]);
     let mut errors = Vec::new();
@@ -95,7 +97,7 @@ fn a_compliant_impact_converges_to_the_rigid_one_with_stiffness() {
 /// The force of a compliant contact with friction is inside the friction cone.
 #[test]
 fn compliant_friction_force_is_inside_the_friction_cone() {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
+    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/planar2.urdf")).unwrap();
     let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
     let touches = touching(&chain, wall, soft(1e7, 0.35, 0.2));
     let touches = touches.into_iter().filter(|touch| touch.link() == Some("tip")).collect();
@@ -116,7 +118,7 @@ fn compliant_friction_force_is_inside_the_friction_cone() {
 /// A compliant contact that is treated as rigid: the reported depth is that of the compliant model to 1 %.
 #[test]
 fn neglected_compliance_reports_the_penetration_depth() {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
+    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/planar2.urdf")).unwrap();
     let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
     let touches = touching(&chain, wall, soft(1e8, 0.35, 0.0));
     let touches = touches.into_iter().filter(|touch| touch.link() == Some("tip")).collect();
@@ -227,7 +229,7 @@ fn a_bristle_slides_with_coulombs_acceleration() {
 /// A stiff contact with Walton & Braun's force gives the velocities of Stronge's (energetic) law.
 #[test]
 fn a_stiff_walton_braun_contact_gives_stronges_impact() {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
+    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/planar2.urdf")).unwrap();
     let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
     let tangential = Holding::Smoothed { slip_speed: 1e-5 };
     let compliance = Compliance { normal: Yielding::WaltonBraun, tangential, ..Compliance::new(1e9) };
@@ -254,14 +256,14 @@ fn compliance_keys_of_a_scene_are_read_and_invalid_ones_refused() {
     std::fs::create_dir_all(&folder).unwrap();
     let file = folder.join("s.toml");
     let scene = |compliance: &str| {
-        let robot = concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf");
+        let robot = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/planar2.urdf");
         let text = format!(
             "[robot]\nurdf = \"{robot}\"\nq = [0.78, -1.57]\nqd = [0.1, 0.5]\n[[surface]]\nshape = {{ halfspace = {{ point = \
              [0.6464, 0, 0], normal = [-1, 0, 0] }} }}\n[contact]\nlaw = \"energetic\"\nrestitution = 0.35\nfriction = \
              0.1\ncompliance = {{ {compliance} }}\n[run]\nduration = 0.3\n"
         );
         std::fs::write(&file, text).unwrap();
-        carom::sim::Scene::from_file(&file)
+        carom_sim::Scene::from_file(&file)
     };
     let chosen = |text: &str| scene(text).unwrap().simulation.touches[0].contact.compliance.unwrap();
     assert_eq!(chosen("stiffness = 1e8"), Compliance::new(1e8));

@@ -1,10 +1,10 @@
 //! Loops in scene files: starts that are corrected or refused, messages, and the plan.
 
-use carom::sim::{Scene, SimError};
+use carom_sim::{Scene, SimError};
 
 /// Reads a scene with the four-bar linkage of the repository.
 fn read(name: &str, text: &str) -> Result<Scene, SimError> {
-    let robots = concat!(env!("CARGO_MANIFEST_DIR"), "/robots");
+    let robots = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots");
     let folder = std::env::temp_dir().join(format!("carom-loops-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::copy(format!("{robots}/four_bar.urdf"), folder.join("four_bar.urdf")).unwrap();

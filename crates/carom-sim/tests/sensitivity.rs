@@ -1,13 +1,13 @@
 //! Derivatives of whole runs: against closed forms, and against differences of runs.
 
-use carom::Chain;
-use carom::impact::{Damping, Newton};
-use carom::sim::{Compliance, ContactRule, Parameter, Scene, Sensitivity, Simulation, Surface, Touch, Yielding};
+use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
+use carom_impact::{Damping, Newton};
+use carom_sim::{Compliance, ContactRule, Parameter, Scene, Sensitivity, Simulation, Surface, Touch, Yielding};
 use nalgebra::{DMatrix, DVector, Vector3};
 
-const SCENES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes");
+const SCENES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes");
 
 /// The text of a scene with some of its text replaced.
 fn scene(name: &str, changes: &[(&str, &str)]) -> Scene {

@@ -1,11 +1,11 @@
 //! Bodies whose faces and edges touch: closed forms of tipping, sliding off an edge, resting on crossings of edges, rolling.
 
-use crate::bodies::{floating_box, in_plane};
-use carom::Chain;
+use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use carom_impact::Newton;
 use carom_sim::{ContactMode, ContactRule, ContactState, EventKind, Simulation, Surface, Touch, Trajectory};
+use carom_testing::build::{floating_box, in_plane};
 use nalgebra::{Isometry3, Vector3};
 
 const G: f64 = 9.81;
