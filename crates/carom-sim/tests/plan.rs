@@ -2,35 +2,25 @@
 
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
-use carom_impact::Coefficients;
-use carom_sim::{ContactLaw, ContactRule, Moment, Oscillation, Scene, Simulation, Surface, Touch};
+use carom_sim::{Moment, Oscillation, Scene, Simulation, Surface, Touch};
+use carom_testing::build::{Part, Z, chain};
+use carom_testing::scenes::{self, half_space, rule, surface, touching};
 use nalgebra::Vector3;
-use std::path::PathBuf;
-
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 /// Loads a scene from its text, together with the text of its robot.
-fn scene(name: &str, robot: &str, text: &str) -> Scene {
-    let folder = std::env::temp_dir().join(format!("carom-plan-{name}-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let path: PathBuf = folder.join("scene.toml");
-    std::fs::write(folder.join("robot.urdf"), robot).unwrap();
-    std::fs::write(&path, text).unwrap();
-    let scene = Scene::from_file(&path).unwrap();
-    std::fs::remove_dir_all(&folder).unwrap();
-    scene
+fn scene(robot: &str, text: &str) -> Scene {
+    scenes::scene(&[("robot.urdf", robot)], text).unwrap()
 }
 
 fn planar2() -> String {
-    std::fs::read_to_string(format!("{ROOT}/robots/planar2.urdf")).unwrap()
+    carom_testing::files::text("robots/planar2.urdf")
 }
 
 /// Runs the plan of a scene and of the same scene with `model = "full"`, and compares events and motion of the joints
 /// `kept` (indices in the full q) to 1e-11 of the largest number. At least `least` events have to be compared.
 fn same_motion(name: &str, robot: &str, text: &str, kept: &[usize], least: usize) -> [Simulation; 2] {
-    let auto = scene(name, robot, text);
-    let full = scene(name, robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
+    let auto = scene(robot, text);
+    let full = scene(robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
     let (less, all) = (auto.plan().unwrap(), full.plan().unwrap());
     assert!(less.bounded.is_empty() && !less.left_out.is_empty());
     let a = less.simulation.run(&less.q, &less.qd, auto.duration).unwrap();
@@ -186,8 +176,8 @@ tolerance = 1e-12
     // In space the two corners are a problem of several contacts, in the plane a single contact. Without friction both
     // have the same solution.
     let [less, all] = {
-        let auto = scene("corners", robot, text);
-        let full = scene("corners", robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
+        let auto = scene(robot, text);
+        let full = scene(robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
         let (less, all) = (auto.plan().unwrap(), full.plan().unwrap());
         let a = less.simulation.run(&less.q, &less.qd, auto.duration).unwrap();
         let b = all.simulation.run(&all.q, &all.qd, full.duration).unwrap();
@@ -222,11 +212,9 @@ fn error_of_neglected_friction_is_within_the_reported_bound() {
         let u = kin.point_velocity(chain.point(tip, Vector3::zeros()), &qd).unwrap();
         // The wall is 1 mm ahead of the tip in the direction of its motion along x.
         let toward = if u.x > 0.0 { 1.0 } else { -1.0 };
-        let wall = Obstacle::half_space(place + Vector3::x() * toward * 1e-3, -Vector3::x() * toward).unwrap();
-        let coefficients = Coefficients { restitution: e, friction: mu, ..Coefficients::default() };
-        let rule = ContactRule::new(ContactLaw::named(law, coefficients).unwrap());
-        let surface = Surface { name: "wall".into(), obstacle: wall, contact: rule, motion: None };
-        let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
+        let wall = half_space(place + Vector3::x() * toward * 1e-3, -Vector3::x() * toward);
+        let wall = surface("wall", wall, rule(law, e, mu));
+        let touches = Touch::all(&chain, &[wall], 0.0).unwrap().touches;
         let touches = touches.into_iter().filter(|touch| touch.link() == Some("tip")).collect();
         let exact = Simulation { max_events: 1, ..Simulation::new(chain, touches) };
         let less = Simulation { neglect: Some(0.5), ..exact.clone() };
@@ -262,21 +250,12 @@ fn error_of_neglected_friction_is_within_the_reported_bound() {
 #[test]
 fn straightening_axes_displaces_no_point_beyond_the_bound() {
     let robot = |tilt: f64| {
-        format!(
-            r#"<robot name="tilted"><link name="base"/>
-            <link name="one"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-            <link name="two"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-            <link name="tip"/>
-            <joint name="a" type="continuous"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/></joint>
-            <joint name="b" type="continuous"><parent link="one"/><child link="two"/><origin xyz="0.5 0 0"/>
-              <axis xyz="{} 0 {}"/></joint>
-            <joint name="c" type="fixed"><parent link="two"/><child link="tip"/><origin xyz="0.4 0 0"/></joint></robot>"#,
-            tilt.sin(),
-            tilt.cos()
-        )
+        let b = Part::hinge("two", "one", [tilt.sin(), 0.0, tilt.cos()]).at([0.5, 0.0, 0.0]);
+        let tip = Part::new("tip", "two", "fixed", Z, [0.4, 0.0, 0.0]).massless();
+        chain(&[Part::hinge("one", "base", Z).weighing(1.0, [1.0; 3]), b.weighing(1.0, [1.0; 3]), tip])
     };
     for tilt in [4e-6, 1e-3, 0.1] {
-        let chain = Chain::from_urdf_str(&robot(tilt), &LoadOptions::default()).unwrap();
+        let chain = robot(tilt);
         assert!(chain.to_planar().is_err());
         assert!(chain.to_planar_within(tilt * 0.9).is_err());
         let flat = chain.to_planar_within(tilt * 1.1).unwrap();
@@ -300,13 +279,10 @@ fn straightening_axes_displaces_no_point_beyond_the_bound() {
 #[test]
 fn moving_surfaces_are_never_excluded_as_unreachable() {
     let chain = Chain::from_urdf_str(&planar2(), &LoadOptions::default()).unwrap();
-    let obstacle = Obstacle::half_space(Vector3::new(2.0, 0.0, 0.0), -Vector3::x()).unwrap();
+    let obstacle = half_space([2.0, 0.0, 0.0], -Vector3::x());
     let motion = Some(Oscillation { amplitude: Vector3::x() * 2.0, frequency: 1.0, phase: 0.0 }.into());
-    let surface =
-        |motion| Surface { name: "piston".into(), obstacle: obstacle.clone(), contact: Default::default(), motion };
-    let count = |motion| {
-        Touch::all(&chain, &[surface(motion)], 0.0).unwrap().touches.iter().filter(|t| t.link().is_some()).count()
-    };
+    let piston = surface("piston", obstacle, Default::default());
+    let count = |motion| touching(&chain, &[Surface { motion, ..piston.clone() }]).len();
     assert_eq!(count(None), 0);
     assert!(count(motion) > 0);
 }
@@ -320,7 +296,7 @@ fn a_stiff_controller_selects_the_implicit_integrator() {
         .replace("tolerance = 1e-12", "tolerance = 1e-7")
         .replace("qd = [0.3, -0.9]", "")
         .replace("q = [0.7854, -1.5708]", "q = [0.78, -1.57]");
-    let scene = scene("stiff", &planar2(), &stiff);
+    let scene = scene(&planar2(), &stiff);
     let plan = scene.plan().unwrap();
     assert_eq!(plan.simulation.integrator, carom_sim::Integrator::Radau, "{:?}", plan.kept);
     let run = plan.simulation.run(&plan.q, &plan.qd, 1.0).unwrap();
@@ -372,7 +348,7 @@ fn a_planar_robot_sticks_in_space_as_in_its_plane() {
             )
         };
         let run = |model: &str| {
-            let scene = scene("sticks", &robot, &text(model));
+            let scene = scene(&robot, &text(model));
             let plan = scene.plan().unwrap();
             let mut forces = Vec::new();
             let sampling = carom_sim::Sampling { every: Some(0.01), ..Default::default() };
