@@ -2,18 +2,15 @@
 //! closed forms.
 
 use carom_chain::ChainError;
-use carom_chain::{Chain, uniform_chain};
+use carom_chain::uniform_chain;
 use carom_impact::*;
 use carom_impact::{Flags, Mode};
 use carom_sim::SimError;
 use carom_sim::*;
+use carom_testing::files::robot;
 use nalgebra::Vector3;
 
 const ROBOTS: [&str; 3] = ["planar2", "planar3", "arm7"];
-
-fn robot(name: &str) -> Chain {
-    Chain::from_urdf_file(format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap()
-}
 
 fn random(rng: &mut fastrand::Rng, n: usize, size: f64) -> Vec<f64> {
     (0..n).map(|_| (rng.f64() * 2.0 - 1.0) * size).collect()

@@ -3,7 +3,7 @@
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_sim::{Moment, Oscillation, Scene, Simulation, Surface, Touch};
-use carom_testing::build::{Part, Z, chain};
+use carom_testing::build::{O, Part, X, Z, ball, brick, chain, shape, urdf};
 use carom_testing::scenes::{self, half_space, rule, surface, touching};
 use nalgebra::Vector3;
 
@@ -19,8 +19,8 @@ fn planar2() -> String {
 /// Runs the plan of a scene and of the same scene with `model = "full"`, and compares events and motion of the joints
 /// `kept` (indices in the full q) to 1e-11 of the largest number. At least `least` events have to be compared.
 fn same_motion(name: &str, robot: &str, text: &str, kept: &[usize], least: usize) -> [Simulation; 2] {
-    let auto = scene(robot, text);
-    let full = scene(robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
+    let auto = scene(&robot, text);
+    let full = scene(&robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
     let (less, all) = (auto.plan().unwrap(), full.plan().unwrap());
     assert!(less.bounded.is_empty() && !less.left_out.is_empty());
     let a = less.simulation.run(&less.q, &less.qd, auto.duration).unwrap();
@@ -102,31 +102,17 @@ shape = { sphere = { centre = [0, 0, 2], radius = 0.5 } }
 /// Two arms on one base; only one of them can touch the wall.
 #[test]
 fn a_branch_without_contacts_is_in_the_answer() {
-    let link = |name: &str, tip: bool| {
-        let ball = r#"<collision><origin xyz="0.3 0 0"/><geometry><sphere radius="0.02"/></geometry></collision>"#;
-        format!(
-            r#"<link name="{name}"><inertial><origin xyz="0.15 0 0"/><mass value="1"/>
-            <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>{}</link>"#,
-            if tip { ball } else { "" }
-        )
+    let link = |name: &str, parent: &str, x: f64| {
+        let part = Part::hinge(name, parent, Z).at([x, 0.0, 0.0]).com([0.15, 0.0, 0.0]);
+        part.weighing(1.0, [0.001, 0.01, 0.01])
     };
-    let joint = |name: &str, parent: &str, child: &str, at: &str| {
-        format!(
-            r#"<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
-            <origin xyz="{at}"/><axis xyz="0 0 1"/></joint>"#
-        )
-    };
-    let robot = format!(
-        r#"<robot name="two arms"><link name="base"/>{}{}{}{}{}{}{}{}</robot>"#,
-        link("left1", false),
-        link("left2", false),
-        link("right1", false),
-        link("right2", true),
-        joint("l1", "base", "left1", "-1 0 0"),
-        joint("l2", "left1", "left2", "0.3 0 0"),
-        joint("r1", "base", "right1", "0.2 0 0"),
-        joint("r2", "right1", "right2", "0.3 0 0"),
-    );
+    let tip = shape(&ball(0.02), [0.3, 0.0, 0.0], O);
+    let robot = urdf(&[
+        link("left1", "base", -1.0),
+        link("left2", "left1", 0.3),
+        link("right1", "base", 0.2),
+        link("right2", "right1", 0.3).with(tip),
+    ]);
     let text = r#"
 [robot]
 urdf = "robot.urdf"
@@ -150,15 +136,13 @@ gravity = [0, -9.81, 0]
 /// An arm whose hand is a box: in space two corners hit at the same time, in the plane one.
 #[test]
 fn corners_with_the_same_planar_position_are_merged() {
-    let robot = r#"<robot name="hand"><link name="base"/>
-        <link name="arm"><inertial><origin xyz="0.3 0 0"/><mass value="2"/>
-          <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
-        <link name="hand"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
-          <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial>
-          <collision><origin xyz="0.1 0 0"/><geometry><box size="0.2 0.1 0.06"/></geometry></collision></link>
-        <joint name="shoulder" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
-        <joint name="wrist" type="continuous"><parent link="arm"/><child link="hand"/><origin xyz="0.6 0 0"/>
-          <axis xyz="0 0 1"/></joint></robot>"#;
+    let link = |name: &str, parent: &str, x: f64, com: f64, mass: f64| {
+        let part = Part::hinge(name, parent, Z).at([x, 0.0, 0.0]).com([com, 0.0, 0.0]);
+        part.weighing(mass, [0.01, 0.05 * mass, 0.05 * mass])
+    };
+    let hand = Part { inertia: [0.01, 0.02, 0.02], ..link("hand", "arm", 0.6, 0.1, 1.0) };
+    let hand = hand.with(shape(&brick([0.2, 0.1, 0.06]), [0.1, 0.0, 0.0], O));
+    let robot = urdf(&[link("arm", "base", 0.0, 0.3, 2.0), hand]);
     let text = r#"
 [robot]
 urdf = "robot.urdf"
@@ -176,8 +160,8 @@ tolerance = 1e-12
     // In space the two corners are a problem of several contacts, in the plane a single contact. Without friction both
     // have the same solution.
     let [less, all] = {
-        let auto = scene(robot, text);
-        let full = scene(robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
+        let auto = scene(&robot, text);
+        let full = scene(&robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
         let (less, all) = (auto.plan().unwrap(), full.plan().unwrap());
         let a = less.simulation.run(&less.q, &less.qd, auto.duration).unwrap();
         let b = all.simulation.run(&all.q, &all.qd, full.duration).unwrap();
@@ -312,30 +296,12 @@ fn a_stiff_controller_selects_the_implicit_integrator() {
 /// plane, which no joint moves, is rounding. As the robot turns about the point of its tip, its work is that of its weight.
 #[test]
 fn a_planar_robot_sticks_in_space_as_in_its_plane() {
-    let link = |name: &str, shape: &str| {
-        format!(
-            "<link name='{name}'><inertial><origin xyz='0.2 0 0'/><mass value='0.8'/><inertia ixx='0.02' ixy='0' ixz='0' iyy='0.02' iyz='0'
-             izz='0.02'/></inertial>{shape}</link>"
-        )
+    let link = |name: &str, parent: &str, x: f64| {
+        Part::hinge(name, parent, [0.0, -1.0, 0.0]).at([x, 0.0, 0.0]).com([0.2, 0.0, 0.0]).weighing(0.8, [0.02; 3])
     };
-    let joint = |name: &str, kind: &str, parent: &str, place: &str, axis: &str| {
-        format!(
-            "<joint name='j{name}' type='{kind}'><parent link='{parent}'/><child link='{name}'/><origin xyz='{place}'/><axis xyz='{axis}'/>
-             <limit lower='-9' upper='9' effort='9' velocity='9'/></joint>"
-        )
-    };
-    let tip = "<collision><origin xyz='0.4 0 0'/><geometry><sphere radius='0.03'/></geometry></collision>";
-    let robot = [
-        "<robot name='cart'><link name='base'/>",
-        &link("a", ""),
-        &link("b", ""),
-        &link("c", tip),
-        &joint("a", "prismatic", "base", "0 0 0.6", "1 0 0"),
-        &joint("b", "continuous", "a", "0 0 0", "0 -1 0"),
-        &joint("c", "continuous", "b", "0.4 0 0", "0 -1 0"),
-        "</robot>",
-    ]
-    .concat();
+    let cart = Part { joint: "prismatic", axis: X, at: [0.0, 0.0, 0.6], ..link("a", "base", 0.0) };
+    let tip = shape(&ball(0.03), [0.4, 0.0, 0.0], O);
+    let robot = urdf(&[cart, link("b", "a", 0.0), link("c", "b", 0.4).with(tip)]);
     // The tip's lowest point is on the floor: 0.6 − 0.4 sin(a) − 0.4 sin(a + b) = 0.03.
     let first = -0.46288903843013474_f64;
     let second = -((0.57 + 0.4 * first.sin()) / 0.4).asin() - first;
