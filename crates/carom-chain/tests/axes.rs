@@ -3,12 +3,10 @@
 //!
 //! Tolerances: some dozen operations for each of up to 12 joints.
 
-mod common;
-
+use crate::common::{Sample, Zoo, close, robot};
 use carom_chain::algebra::z_onto;
 use carom_chain::urdf::{JointType, LoadOptions, Robot};
 use carom_chain::{Chain, Coordinates};
-use common::{Sample, Zoo, close, robot};
 use nalgebra::{Isometry3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3};
 
 /// Pose of every link, by the transforms of the joints one after another.

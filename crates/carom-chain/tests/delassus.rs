@@ -1,11 +1,9 @@
 //! The response at a contact point compared with its definitions, for every shape of chain and every route.
 
-mod common;
-
+use crate::common::{Sample, Zoo, close, robot, sample};
 use carom_chain::algebra::Algebra;
 use carom_chain::urdf::{JointType, LoadOptions};
 use carom_chain::{Chain, ChainError, Keep, Point, PointResponse, ResponseMemory, uniform_chain};
-use common::{Sample, Zoo, close, robot, sample};
 use nalgebra::{DMatrix, UnitQuaternion, Vector2, Vector3};
 
 /// Compares position, J and M to 1e-13 of their largest entry, and H and the response to that times the condition number of M.
@@ -313,18 +311,18 @@ fn fixed_points_mimic_joints_and_wrong_lengths_are_refused() {
 fn hinges_through_a_point(n: usize, mimic: bool, rng: &mut fastrand::Rng) -> (Chain, Vector3<f64>) {
     let text = |v: Vector3<f64>| format!("{} {} {}", v.x, v.y, v.z);
     let mut urdf = "<robot name='r'><link name='world'/>".to_owned();
-    let mut arm = common::vector(rng);
+    let mut arm = crate::common::vector(rng);
     for k in 0..n {
         let parent = k.checked_sub(1).map_or("world".into(), |p| format!("l{p}"));
-        let axis = common::vector(rng).normalize();
-        let place = arm - axis * common::unit(rng);
+        let axis = crate::common::vector(rng).normalize();
+        let place = arm - axis * crate::common::unit(rng);
         arm -= place;
         let follows = if mimic && k == 1 { "<mimic joint='j0' multiplier='-0.7'/>" } else { "" };
         urdf += &format!(
             "<link name='l{k}'><inertial><origin xyz='{}'/><mass value='1'/><inertia ixx='0.1' iyy='0.2' izz='0.15' ixy='0' ixz='0' \
              iyz='0'/></inertial></link><joint name='j{k}' type='continuous'><origin xyz='{}'/><parent link='{parent}'/>\
              <child link='l{k}'/><axis xyz='{}'/>{follows}</joint>",
-            text(common::vector(rng)),
+            text(crate::common::vector(rng)),
             text(place),
             text(axis)
         );
@@ -342,8 +340,8 @@ fn a_point_on_the_axes_of_all_hinges_does_not_move() {
         for _ in 0..20 {
             let (chain, offset) = hinges_through_a_point(n, mimic, &mut rng);
             let point = chain.point(chain.frame(&format!("l{}", n - 1)).unwrap(), offset);
-            let q: Vec<f64> = (0..chain.nq()).map(|_| 3.0 * common::unit(&mut rng)).collect();
-            let normal = common::vector(&mut rng).normalize();
+            let q: Vec<f64> = (0..chain.nq()).map(|_| 3.0 * crate::common::unit(&mut rng)).collect();
+            let normal = crate::common::vector(&mut rng).normalize();
             let mut still = |found: PointResponse<carom_chain::Spatial<f64>>| {
                 assert!(!found.moves(), "{n} hinges: J {:?}", found.jacobian);
                 assert_eq!(found.delassus_in([Vector3::x(), Vector3::y(), Vector3::z()]).amax(), 0.0);
@@ -356,7 +354,8 @@ fn a_point_on_the_axes_of_all_hinges_does_not_move() {
                 still(memory.response());
             }
             // Beside the axes it moves.
-            let beside = chain.point(chain.frame(&format!("l{}", n - 1)).unwrap(), offset + common::vector(&mut rng));
+            let beside =
+                chain.point(chain.frame(&format!("l{}", n - 1)).unwrap(), offset + crate::common::vector(&mut rng));
             let kin = &mut workspace.update(&chain, &q).unwrap();
             let found = kin.contact(beside, normal, &[]).unwrap();
             assert!(n == 1 || found.moves(), "{n} hinges");

@@ -1,9 +1,7 @@
 //! Derivatives of M and J compared with dual numbers through the same recursions.
 
-mod common;
-
+use crate::common::{Sample, Zoo, close, sample};
 use carom_chain::{Chain, Spatial};
-use common::{Sample, Zoo, close, sample};
 use nalgebra::{DMatrix, Vector3};
 use num_dual::Dual64;
 
@@ -67,7 +65,7 @@ fn derivatives_of_floating_robots_equal_those_by_dual_numbers() {
     let floating = carom_chain::urdf::LoadOptions { floating_base: true, ..Default::default() };
     for seed in 0..60 {
         let mut rng = fastrand::Rng::with_seed(seed);
-        let robot = common::robot(seed as usize % 6, Zoo::All, &mut rng);
+        let robot = crate::common::robot(seed as usize % 6, Zoo::All, &mut rng);
         agrees(&mut Sample { chain: Chain::from_robot(robot, &floating), rng });
     }
 }

@@ -1,10 +1,8 @@
 //! Comparison of the closed form for a few hinges in the plane with the recursion.
 
-mod common;
-
+use crate::common::{Zoo, close, robot, unit};
 use carom_chain::urdf::{JointType, LoadOptions};
 use carom_chain::{Chain, ChainError, Planar, PlanarRow, uniform_chain};
-use common::{Zoo, close, robot, unit};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
 /// A row of random hinges with axes along ±z, random rotations about them and random links.
@@ -64,7 +62,7 @@ fn chains_that_are_not_rows_of_at_most_four_hinges_have_no_planar_row() {
     // Chains with sliders, branches and mimic joints.
     let mut rows = 0;
     for seed in 0..200 {
-        let sample = common::sample(3, Zoo::Plane, seed);
+        let sample = crate::common::sample(3, Zoo::Plane, seed);
         let Ok(flat) = sample.chain.to_planar() else { continue };
         if let Some(row) = PlanarRow::of(&flat.chain) {
             let (q, zero) = (vec![0.4; flat.chain.nq()], vec![0.0; flat.chain.nv()]);

@@ -1,9 +1,7 @@
 //! Reflected inertia of rotors, against the same chain without rotors.
 
-mod common;
-
+use crate::common::{Sample, Zoo, close, sample};
 use carom_chain::{Chain, Coordinates, Keep, ResponseMemory, uniform_chain};
-use common::{Sample, Zoo, close, sample};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// A random chain, and the same with a rotor at every joint with one coordinate.

@@ -1,10 +1,8 @@
 //! The recursions over f32, SIMD lanes and dual numbers, compared with f64.
 
-mod common;
-
+use crate::common::{Zoo, close, sample};
 use carom_chain::algebra::{Algebra, Real};
 use carom_chain::{Chain, Kinematics, Spatial};
-use common::{Zoo, close, sample};
 use nalgebra::{SimdValue, Vector3};
 use num_dual::{Dual2_64, Dual64};
 use simba::simd::{WideF32x8, WideF64x4};

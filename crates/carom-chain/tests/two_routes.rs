@@ -4,10 +4,8 @@
 //! operands. Masses differ by a factor of up to 30, and poses are not near singular ones, so results agree to about 1e3·ε of
 //! their largest entry. Solves with M lose accuracy by its condition number (up to about 1e4).
 
-mod common;
-
+use crate::common::{Sample, Zoo, close, q_rate, sample};
 use carom_chain::{Chain, Kinematics, Spatial};
-use common::{Sample, Zoo, close, q_rate, sample};
 use nalgebra::{DMatrix, DVector, Vector3};
 use num_dual::Dual64;
 use proptest::prelude::*;
@@ -221,7 +219,7 @@ proptest! {
     fn momentum_rate_of_a_free_robot_equals_its_weight((n, seed) in (0..=8_usize, any::<u64>())) {
         let mut s = sample(n, Zoo::Uncoupled, seed);
         let floating = carom_chain::urdf::LoadOptions { floating_base: true, ..Default::default() };
-        s.chain = Chain::from_robot(common::robot(n, Zoo::Uncoupled, &mut s.rng), &floating);
+        s.chain = Chain::from_robot(crate::common::robot(n, Zoo::Uncoupled, &mut s.rng), &floating);
         let (q, qd) = (s.q(), s.v());
         let qdd = s.chain.workspace().update(&s.chain, &q).unwrap()
             .forward_dynamics(&qd, &vec![0.0; s.chain.nv()], GRAVITY).unwrap();
@@ -345,7 +343,7 @@ proptest! {
         let mut s = sample(n, Zoo::Uncoupled, seed);
         // A floating robot: H with all joints locked but the floating base is the locked Delassus matrix.
         let floating = carom_chain::urdf::LoadOptions { floating_base: true, ..Default::default() };
-        s.chain = Chain::from_robot(common::robot(n, Zoo::Uncoupled, &mut s.rng), &floating);
+        s.chain = Chain::from_robot(crate::common::robot(n, Zoo::Uncoupled, &mut s.rng), &floating);
         let (q, tip_offset) = (s.q(), s.vector());
         let own: Vec<(String, Vec<f64>)> = s.chain.joints().iter().skip(1).filter_map(|j| match &j.coordinates {
             carom_chain::Coordinates::Own { q: at, .. } => Some((j.name.clone(), q[at.clone()].to_vec())),
@@ -404,7 +402,7 @@ proptest! {
         // Screw motions with rotations from 1e-9 to 2 rad.
         let mut s = sample(0, Zoo::All, seed);
         let floating = carom_chain::urdf::LoadOptions { floating_base: true, ..Default::default() };
-        s.chain = Chain::from_robot(common::robot(0, Zoo::All, &mut s.rng), &floating);
+        s.chain = Chain::from_robot(crate::common::robot(0, Zoo::All, &mut s.rng), &floating);
         let (q, turn) = (s.q(), s.vector() * 10.0_f64.powf(size));
         let qd = [0.3, -0.5, 0.7, turn.x, turn.y, turn.z];
         let once = s.chain.integrate(&q, &qd, 1.0).unwrap();
@@ -440,7 +438,7 @@ fn tip_offset(chain: &Chain, tip: carom_chain::Point<Spatial<f64>>) -> Vector3<D
 fn quaternions_stay_unit_over_a_million_steps() {
     let floating = carom_chain::urdf::LoadOptions { floating_base: true, ..Default::default() };
     let mut rng = fastrand::Rng::with_seed(7);
-    let chain = Chain::from_robot(common::robot(0, Zoo::All, &mut rng), &floating);
+    let chain = Chain::from_robot(crate::common::robot(0, Zoo::All, &mut rng), &floating);
     let qd = [0.3, -0.2, 0.1, 3.0, -5.0, 4.0];
     let mut q = chain.zero_configuration();
     for _ in 0..1_000_000 {

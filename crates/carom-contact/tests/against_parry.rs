@@ -4,10 +4,8 @@
 //! and capsules are therefore compared by their cores (a tiny sphere for the point), and cylinders with a large tolerance;
 //! `optimality.rs` tests cylinders to rounding.
 
-mod common;
-
+use crate::common::*;
 use carom_contact::{Gap, LinkShape, Solid, gap, gap_between};
-use common::*;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use parry3d_f64::math::{Pose, Rotation, Vector};
 use parry3d_f64::query;

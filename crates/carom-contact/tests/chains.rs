@@ -1,13 +1,10 @@
 //! Gaps of robots: gap rates, reachable pairs, meshes from files.
 
+use crate::common::robot;
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, uniform_chain};
 use carom_contact::{ContactError, LeftOut, Obstacle, Pair, gap, gap_rate, link_shapes, reachable_pairs};
 use nalgebra::{Isometry3, Vector3};
-
-fn robot(name: &str) -> Chain {
-    Chain::from_urdf_file(format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap()
-}
 
 fn surroundings() -> [Obstacle; 3] {
     [

@@ -1,12 +1,10 @@
 //! The contacts of parts of two bodies against finite differences and against the gap of the whole bodies.
 
-mod common;
-
+use crate::common::*;
 use carom_chain::Spatial;
 use carom_chain::algebra::Pose;
 use carom_chain::urdf::Shape;
 use carom_contact::{LinkShape, Meeting, Met, Parts, Separation, gap_between};
-use common::*;
 use nalgebra::{Rotation3, Vector3};
 
 type Place = Pose<Spatial<f64>>;

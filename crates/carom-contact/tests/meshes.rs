@@ -1,10 +1,8 @@
 //! Gaps to meshes, compared with gaps to their triangles and to the bodies that they bound.
 
-mod common;
-
+use crate::common::*;
 use carom_chain::urdf::Shape;
 use carom_contact::{Mesh, Obstacle, gap, gap_points};
-use common::*;
 use nalgebra::{Isometry3, Vector3};
 
 /// Bodies larger and smaller than 1 m: no length is special.

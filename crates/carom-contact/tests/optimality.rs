@@ -1,11 +1,9 @@
 //! Optimality of gaps, without a reference: the nearest points belong to the bodies and are extreme along the normal, and no
 //! other direction has a greater separation.
 
-mod common;
-
+use crate::common::*;
 use carom_chain::urdf::Shape;
 use carom_contact::{Gap, LinkShape, Obstacle, Solid, gap, gap_between};
-use common::*;
 use nalgebra::{Isometry3, Vector3};
 
 /// Height of a body's lowest point along n, world axes.

@@ -1,10 +1,8 @@
 //! Sizes of shapes and the corners on which they rest.
 
-mod common;
-
+use crate::common::*;
 use carom_chain::urdf::Shape;
 use carom_contact::{Mesh, Solid};
-use common::*;
 use nalgebra::Vector3;
 
 /// URDF has full lengths and sides, [`Solid`] half of them.

@@ -1,9 +1,7 @@
 //! Whittaker's law in the plane against its definition, case by case.
 
-mod common;
-
+use crate::common::{Case, any_case};
 use carom_impact::{Flags, Law, Mode, Whittaker};
-use common::{Case, any_case};
 use nalgebra::{Vector2, vector};
 
 /// Every admissible impulse, in the order stick, slip +1, slip -1, with the margin by which the case is admissible: on

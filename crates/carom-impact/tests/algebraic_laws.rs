@@ -1,11 +1,9 @@
 //! The laws of Chatterjee and Ruina, Brach, and Smith, against their definitions.
 
-mod common;
-
+use crate::common::{any_case, close};
 use carom_impact::{
     Brach, ChatterjeeRuina, Coefficients, Flags, Frictionless, ImpactProblem, Law, Mode, Smith, Whittaker, law_by_name,
 };
-use common::{any_case, close};
 use nalgebra::{Matrix3, Vector3, matrix, vector};
 
 /// Kane and Levinson's double pendulum.
@@ -79,7 +77,7 @@ fn chatterjee_and_ruina_agree_with_the_formula() {
     let mut rng = fastrand::Rng::with_seed(21);
     let mut on_cone = 0;
     for _ in 0..10_000 {
-        let case = common::any_spatial(&mut rng, 0.1);
+        let case = crate::common::any_spatial(&mut rng, 0.1);
         let (h, u, mu, e) = (case.delassus, case.u, case.friction, case.restitution);
         let e_t = 2.0 * rng.f64() - 1.0;
         let p1 = Vector3::new(0.0, 0.0, -u.z / h[(2, 2)]);
@@ -146,7 +144,7 @@ fn brach_agrees_with_a_scan_of_the_ratios() {
     let mut rng = fastrand::Rng::with_seed(24);
     let mut clipped = 0;
     for _ in 0..5_000 {
-        let case = common::any_spatial(&mut rng, 0.1);
+        let case = crate::common::any_spatial(&mut rng, 0.1);
         let (h, u, e) = (case.delassus, case.u, case.restitution);
         let t = u.xy().normalize();
         let asked = 3.0 * (2.0 * rng.f64() - 1.0);
@@ -191,7 +189,7 @@ fn spheres_in_space_have_their_closed_forms() {
     // Dropped vertically there is no slip.
     let straight = ImpactProblem::new(h, vector![0.0, 0.0, -1.0]).unwrap();
     for law in ["chatterjee-ruina", "brach", "smith"] {
-        let hit = carom_impact::law_by_name(law, common::rough(0.8, 0.5)).unwrap().resolve(&straight).unwrap();
+        let hit = carom_impact::law_by_name(law, crate::common::rough(0.8, 0.5)).unwrap().resolve(&straight).unwrap();
         assert_eq!((hit.u_plus, hit.mode), (vector![0.0, 0.0, 0.8], Mode::Stick), "{law}");
     }
 }
@@ -206,7 +204,7 @@ fn planar_arms_in_space_agree_with_the_plane() {
     let plane = ImpactProblem::new(matrix![h[(0, 0)], h[(0, 2)]; h[(0, 2)], h[(2, 2)]], vector![u[0], u[2]]).unwrap();
     for law in ["chatterjee-ruina", "brach", "smith"] {
         for mu in [0.1, 0.5, 2.0] {
-            let coefficients = common::rough(0.5, mu);
+            let coefficients = crate::common::rough(0.5, mu);
             let three = carom_impact::law_by_name(law, coefficients).unwrap().resolve(&problem).unwrap();
             let two = carom_impact::law_by_name(law, coefficients).unwrap().resolve(&plane).unwrap();
             close(law, (three.u_plus - vector![two.u_plus[0], 0.0, two.u_plus[1]]).norm(), 0.0, 1e-14);
@@ -236,7 +234,7 @@ fn smith_satisfies_its_law_in_extreme_cases_in_space() {
     let mut rng = fastrand::Rng::with_seed(25);
     let mut compared = 0;
     for i in 0..30_000 {
-        let mut case = common::any_spatial(&mut rng, [0.3, 0.05, 0.003][i % 3]);
+        let mut case = crate::common::any_spatial(&mut rng, [0.3, 0.05, 0.003][i % 3]);
         let small = 10.0_f64.powi(-rng.i32(0..17));
         if rng.bool() {
             (case.u.x, case.u.y) = (case.u.x * small, case.u.y * small);

@@ -1,10 +1,8 @@
 //! Bands over ranges of the coefficients: exact bands contain every sample, the others are marked as sampled. (The
 //! bounds are attained: each is taken from an impact within the ranges.)
 
-mod common;
-
+use crate::common::{any_case, any_spatial, rough};
 use carom_impact::{AnyLaw, CoefficientRanges, Coefficients, ImpactError, ImpactProblem, LAW_NAMES, Law};
-use common::{any_case, any_spatial, rough};
 use nalgebra::{SVector, vector};
 
 fn outputs<const D: usize>(rng: &mut fastrand::Rng) -> Vec<SVector<f64, D>> {

@@ -5,13 +5,11 @@
 //! while it slips, `dv_t/dp = -(1.5 + 2.5 μ)` and `dv_n/dp = 2.5 + 1.5 μ`; after slip has stopped it sticks from
 //! `μ_stick = 0.6` on.
 
-mod common;
-
+use crate::common::{close, rough};
 use carom_impact::{
     AnyLaw, Boundary, Brach, ChatterjeeRuina, Edge, Energetic, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES,
     Law, Mode, Newton, Phase, Poisson, Smith, Whittaker,
 };
-use common::{close, rough};
 use nalgebra::{Matrix3, SMatrix, SVector, matrix, vector};
 
 const E: f64 = 0.5;

@@ -1,10 +1,8 @@
 //! Problems with more than one solution, or where the outcome is discontinuous: the branches, and the limits that lead
 //! to them.
 
-mod common;
-
+use crate::common::{any_case, any_spatial, close, rough};
 use carom_impact::{Flags, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, Mode, Whittaker, law_by_name};
-use common::{any_case, any_spatial, close, rough};
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3, vector};
 use num_dual::Dual64;
 

@@ -1,15 +1,13 @@
 //! Impacts through compliant contacts, integrated from first touch to the end: against closed forms, against the rigid
 //! laws that are their limits, and against numbers of Newton's cradle.
 
-mod common;
-
 use std::f64::consts::PI;
 
+use crate::common::{any_case, any_spatial, close};
 use carom_impact::{
     Bristle, CompliantOutcome, Damping, Energetic, HuntCrossley, ImpactError, ImpactProblem, KelvinVoigt, Law,
     NormalForce, Poisson, SmoothedCoulomb, TangentialForce, WaltonBraun, compliant_impact, restitution_obtained,
 };
-use common::{any_case, any_spatial, close};
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2, dmatrix, dvector, matrix, vector};
 
 /// Relative error of integrated impacts; kinks within a step increase it.

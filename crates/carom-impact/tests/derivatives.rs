@@ -1,12 +1,10 @@
 //! Derivatives of the laws, mode boundaries, and the derivatives on both sides of a boundary.
 
-mod common;
-
+use crate::common::{any_case, any_spatial, close, rough};
 use carom_impact::{
     AnyLaw, Brach, Coefficients, Direction, Edge, Energetic, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law,
     Mode, Newton, Poisson,
 };
-use common::{any_case, any_spatial, close, rough};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3, matrix, vector};
 use num_dual::Dual64;
 

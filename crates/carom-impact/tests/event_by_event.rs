@@ -2,10 +2,8 @@
 //! are zeros of functions of the state found by bisection, and the motion after a stop of slip is found by trying which
 //! slip persists.
 
-mod common;
-
+use crate::common::{Case, any_case, rough};
 use carom_impact::law_by_name;
-use common::{Case, any_case, rough};
 use nalgebra::{Vector2, vector};
 
 /// State along the impact; `work` is the normal work since compression began or ended.

@@ -1,10 +1,8 @@
 //! A free uniform rod, m = L = 1, at an angle θ from the horizontal, strikes with its lower end: the standard example
 //! of jamming. Painlevé's threshold has its minimum 4/3 at tan θ = 2.
 
-mod common;
-
+use crate::common::{close, rough};
 use carom_impact::{Flags, ImpactOutcome, ImpactProblem, LAW_NAMES, Mode, Phase, law_by_name};
-use common::{close, rough};
 use nalgebra::{Matrix2, Vector2, matrix, vector};
 
 fn rod(degrees: f64) -> Matrix2<f64> {

@@ -1,9 +1,7 @@
 //! The path of an impact and the invariant directions of slip, each compared with a second computation.
 
-mod common;
-
+use crate::common::{Spatial, any_case, any_spatial, close, rough};
 use carom_impact::{Energetic, ImpactError, ImpactProblem, ImpulsePath, Law, Mode, PathPoint, law_by_name};
-use common::{Spatial, any_case, any_spatial, close, rough};
 use nalgebra::{Matrix3, Vector2, Vector3, matrix, vector};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 

@@ -1,10 +1,8 @@
 //! Properties that every law must have, over 100 000 random planar impacts with one seed; and the energy gains of two
 //! laws.
 
-mod common;
-
+use crate::common::{Case, any_case, close, rough};
 use carom_impact::{Flags, Frictionless, ImpactOutcome, LAW_NAMES, Law, Mode, Phase, law_by_name};
-use common::{Case, any_case, close, rough};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 

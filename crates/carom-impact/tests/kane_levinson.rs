@@ -3,13 +3,11 @@
 //! strikes a horizontal floor; e = μ = 0.5. Parameters are theirs; digits were computed independently of this crate,
 //! those of the laws by Routh's method with 30 digits.
 
-mod common;
-
+use crate::common::{close, rough};
 use carom_impact::{
     Energetic, Flags, Frictionless, ImpactOutcome, ImpactProblem, Law, Mode, Newton, Phase, Poisson, Whittaker,
     law_by_name,
 };
-use common::{close, rough};
 use nalgebra::{Matrix2, Vector2, matrix, vector};
 use num_dual::Dual64;
 

@@ -1,9 +1,7 @@
 //! Contacts in space whose slip stays in a plane have the outcome of the planar problem, rotated about the normal.
 
-mod common;
-
+use crate::common::{any_case, close, rough};
 use carom_impact::{Flags, ImpactOutcome, ImpactProblem, LAW_NAMES, Mode, law_by_name};
-use common::{any_case, close, rough};
 use nalgebra::{Matrix3, Rotation3, Vector3, matrix, vector};
 
 fn resolve(law: &str, h: Matrix3<f64>, u: Vector3<f64>, e: f64, mu: f64) -> ImpactOutcome<f64, 3> {

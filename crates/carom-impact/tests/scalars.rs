@@ -1,12 +1,10 @@
 //! The laws with other scalar types: single precision agrees, dual numbers give the derivative.
 
-mod common;
-
+use crate::common::{Case, any_case, close};
 use carom_impact::{
     Brach, ChatterjeeRuina, Energetic, Frictionless, ImpactOutcome, ImpactProblem, Law, Newton, Poisson, Smith,
     Whittaker,
 };
-use common::{Case, any_case, close};
 use nalgebra::{RealField, SVector, convert};
 use num_dual::Dual64;
 

@@ -1,12 +1,10 @@
 //! Moreau's law for several constraints: against closed forms, against its conditions, and for thousands of random
 //! problems.
 
-mod common;
-
+use crate::common::close;
 use carom_impact::{
     Accuracy, Constraint, Flags, Frictionless, ImpactError, ImpactProblem, Law, SeveralOutcome, SeveralProblem,
 };
-use common::close;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3, dmatrix, dvector};
 
 /// Rounding of numbers of size one.

@@ -1,9 +1,7 @@
 //! Problems of accelerations of lasting contacts, whose matrix is not symmetric where a contact slides.
 
-mod common;
-
+use crate::common::close;
 use carom_impact::{Accuracy, Constraint, SeveralProblem};
-use common::close;
 use nalgebra::{DMatrix, DVector, dmatrix, dvector};
 
 const STOP: Constraint = Constraint::Stop { restitution: 0.0 };

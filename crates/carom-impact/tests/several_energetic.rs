@@ -1,13 +1,11 @@
 //! The energetic law for several contacts: elastic contacts as its limit, its equations along the impulse of one contact,
 //! works, invariances, closed forms.
 
-mod common;
-
+use crate::common::close;
 use carom_impact::{
     Accuracy, Constraint, Energetic, EnergeticOutcome, Flags, HuntCrossley, ImpactError, ImpactProblem, Law,
     NormalForce, Order, SeveralProblem, Stiffnesses, TangentialForce, WaltonBraun, compliant_impact,
 };
-use common::close;
 use nalgebra::{DMatrix, DVector, dmatrix, dvector, matrix, vector};
 
 /// Of the velocities: a hundred steps, each with an error below 1e-13, of which most is cancelled.

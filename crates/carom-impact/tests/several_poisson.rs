@@ -1,9 +1,7 @@
 //! Poisson's law for several contacts: closed forms, its conditions one by one, and the energy balance.
 
-mod common;
-
+use crate::common::close;
 use carom_impact::{Accuracy, Constraint, Flags, PoissonOutcome, SeveralProblem};
-use common::close;
 use nalgebra::{DMatrix, DVector, dmatrix, dvector};
 
 const EXACT: f64 = 1e-12;

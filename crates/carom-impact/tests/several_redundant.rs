@@ -1,10 +1,8 @@
 //! Moreau's law with more rows than degrees of freedom: the thin factors of H against the whole matrix, and random
 //! problems with all kinds of constraints.
 
-mod common;
-
+use crate::common::close;
 use carom_impact::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
-use common::close;
 use nalgebra::{DMatrix, DVector};
 
 fn contact(restitution: f64, friction: f64) -> Constraint {

@@ -1,9 +1,7 @@
 //! Sequences of single impacts: closed forms, orders, sets of outcomes, and the energy balance.
 
-mod common;
-
+use crate::common::close;
 use carom_impact::{Accuracy, Constraint, Flags, Order, SequentialOutcome, SeveralProblem};
-use common::close;
 use nalgebra::{DMatrix, DVector, dmatrix, dvector};
 
 const EXACT: f64 = 1e-12;

@@ -1,11 +1,9 @@
 //! Delassus matrices with a null direction: the outcome if there is one, an error if there is none, and never a NaN.
 
-mod common;
-
+use crate::common::{close, rough};
 use carom_impact::{
     Energetic, Flags, Frictionless, ImpactError, ImpactProblem, LAW_NAMES, Law, Mode, Newton, Poisson, law_by_name,
 };
-use common::{close, rough};
 use nalgebra::{Matrix2, Vector2, vector};
 
 /// One joint of unit inertia: `H = j jᵀ`, `u = j q̇`.

@@ -2,10 +2,8 @@
 //! Runge–Kutta method with equal small steps of the normal impulse, and a stop of slip wherever it is nearer than a
 //! step.
 
-mod common;
-
+use crate::common::{Spatial, any_spatial, rough};
 use carom_impact::{Flags, law_by_name};
-use common::{Spatial, any_spatial, rough};
 use nalgebra::{Vector2, Vector3};
 
 /// Velocity, and the normal work in the last entry.

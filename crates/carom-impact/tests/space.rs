@@ -1,12 +1,10 @@
 //! Slip that turns in space: reference digits, invariances, and properties that every law must have.
 
-mod common;
-
+use crate::common::{Spatial, any_spatial, close, rough};
 use carom_impact::{
     Energetic, Flags, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, Mode, Newton, Phase, Poisson,
     Whittaker, law_by_name,
 };
-use common::{Spatial, any_spatial, close, rough};
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Rotation3, Vector2, Vector3, matrix, vector};
 use num_dual::Dual64;
 

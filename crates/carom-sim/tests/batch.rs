@@ -2,19 +2,13 @@
 //! columns of states compared with single impacts.
 
 use carom_chain::algebra::Algebra;
-use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, ChainError, Point, uniform_chain};
 use carom_impact::{Energetic, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Poisson, Whittaker};
 use carom_sim::{
     ChainImpact, FrictionlessJump, Impacts, JointModel, Outcomes, SimError, States, Strike, frictionless_jump_into,
 };
+use carom_testing::files::robot_with;
 use nalgebra::{DMatrix, Vector2, Vector3};
-
-fn robot(name: &str, floating_base: bool) -> Chain {
-    let file = format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"));
-    let text = std::fs::read_to_string(file).unwrap();
-    Chain::from_urdf_str(&text, &LoadOptions { floating_base, ..Default::default() }).unwrap()
-}
 
 fn columns(rows: usize, count: usize, f: impl Fn(usize, usize) -> f64) -> Vec<Vec<f64>> {
     (0..rows).map(|row| (0..count).map(|k| f(row, k)).collect()).collect()
@@ -95,7 +89,7 @@ fn batched_impacts_equal_single_impacts_bit_by_bit() {
     ];
     let mut planar = Vec::new();
     for (name, link, floating) in cases {
-        let chain = robot(name, floating);
+        let chain = robot_with(name, floating);
         let frame = chain.frame(link).unwrap();
         let point = chain.point(frame, Vector3::new(0.1, 0.02, 0.05));
         // Complete blocks and incomplete ones.
@@ -124,7 +118,7 @@ fn batched_impacts_equal_single_impacts_bit_by_bit() {
 
 #[test]
 fn columns_of_wrong_number_or_length_are_refused() {
-    let chain = robot("planar2", false);
+    let chain = robot_with("planar2", false);
     let tip = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
     let kernel = FrictionlessJump::new(&chain, tip).unwrap();
     let (two, three) = ([0.1, 0.2], [0.1, 0.2, 0.3]);
@@ -205,7 +199,7 @@ fn check_columns<'a>(chain: &'a Chain, describe: &impl Fn() -> Strike<'a>, count
 fn impacts_of_columns_equal_single_impacts_bit_by_bit_for_every_law() {
     // In the plane and in space, rows and trees, on a floating body, and by the recursion for long chains.
     let cases = [("planar2", false), ("planar3", false), ("arm7", false), ("humanoid29", false), ("box", true)];
-    let mut chains: Vec<Chain> = cases.iter().map(|(name, floating)| robot(name, *floating)).collect();
+    let mut chains: Vec<Chain> = cases.iter().map(|(name, floating)| robot_with(name, *floating)).collect();
     chains.push(uniform_chain(50, 3.0, 2.0).unwrap());
     for chain in &chains {
         let frame = chain.frame("tip").or_else(|_| chain.frame("box")).unwrap();
@@ -263,7 +257,7 @@ fn memory_for_impacts_of_columns_does_not_grow_with_the_number_of_states() {
         ("planar2", &Energetic { restitution: 0.5, friction: 0.3 } as &dyn Law<f64, 3>),
         ("arm7", &Poisson { restitution: 0.2, friction: 0.8 }),
     ] {
-        let chain = robot(name, false);
+        let chain = robot_with(name, false);
         let tip = chain.frame("tip").unwrap();
         let mut strike = chain.impact(&[], &[]).at(tip).normal([-1.0, 0.0, 0.0]).prepare().unwrap();
         let mut allocations = |count: usize| {

@@ -1,7 +1,8 @@
 //! Links that bend in scenes: `[[robot.beam]]`.
 
 use carom_sim::{Scene, SimError};
-use std::path::PathBuf;
+use carom_testing::build::{O, Part, Z, urdf};
+use carom_testing::files::Folder;
 
 const LENGTH: f64 = 0.8;
 const MASS: f64 = 1.5;
@@ -11,23 +12,17 @@ const STIFFNESS: f64 = 40.0;
 const GRAVITY: f64 = 9.81;
 
 /// A folder with a rod along x that is fixed at its end, and another that hangs on a hinge about z.
-struct Desk(PathBuf);
+struct Desk(Folder);
 
 impl Desk {
-    fn new(name: &str) -> Self {
-        let desk = Self(std::env::temp_dir().join(format!("carom-beams-{name}-{}", std::process::id())));
-        std::fs::create_dir_all(&desk.0).unwrap();
+    fn new() -> Self {
+        let folder = Folder::new();
         let across = MASS * LENGTH * LENGTH / 12.0;
-        for (file, kind) in [("clamped", "fixed"), ("hinged", "continuous")] {
-            let text = format!(
-                "<robot name='r'><link name='base'/><link name='rod'><inertial><origin xyz='{} 0 0'/><mass value='{MASS}'/>\
-                 <inertia ixx='1e-9' ixy='0' ixz='0' iyy='{across}' iyz='0' izz='{across}'/></inertial></link>\
-                 <joint name='hinge' type='{kind}'><parent link='base'/><child link='rod'/><axis xyz='0 0 1'/></joint></robot>",
-                LENGTH / 2.0
-            );
-            std::fs::write(desk.0.join(format!("{file}.urdf")), text).unwrap();
+        for (file, kind) in [("clamped.urdf", "fixed"), ("hinged.urdf", "continuous")] {
+            let rod = Part::new("rod", "base", kind, Z, O).com([LENGTH / 2.0, 0.0, 0.0]);
+            folder.write(file, urdf(&[rod.weighing(MASS, [1e-9, across, across])]));
         }
-        desk
+        Self(folder)
     }
 
     fn scene(&self, robot: &str, bends: usize, rest: &str) -> Result<Scene, SimError> {
@@ -41,17 +36,11 @@ impl Desk {
     }
 }
 
-impl Drop for Desk {
-    fn drop(&mut self) {
-        std::fs::remove_dir_all(&self.0).unwrap();
-    }
-}
-
 /// One bend in the middle of a clamped rod: its outer half turns with the inertia m L²/24 on a spring E I/L with the damping
 /// τ E I/L. Tolerance: the local tolerance of 1e-11 over some thousand steps.
 #[test]
 fn the_outer_half_of_a_clamped_rod_with_one_bend_is_a_damped_oscillator() {
-    let desk = Desk::new("clamped");
+    let desk = Desk::new();
     let damping = 2e-3;
     let robot = "[robot]\nurdf = \"clamped.urdf\"\nq = [0.1]\nqd = [1.5]";
     let scene = desk.scene(robot, 1, &format!("damping = {damping}")).unwrap();
@@ -70,7 +59,7 @@ fn the_outer_half_of_a_clamped_rod_with_one_bend_is_a_damped_oscillator() {
 /// A hinged rod that swings bends, and its energy is that of the start: m L² ω²/6 + m g (L/2) sin q of the straight rod. The bends start from 0 where q and qd leave them out, in `[robot]` and in one of several robots.
 #[test]
 fn numbers_of_bends_that_are_left_out_are_zero() {
-    let desk = Desk::new("hinged");
+    let desk = Desk::new();
     let one = desk.scene("[robot]\nurdf = \"hinged.urdf\"\nq = [0.3]\nqd = [2]", 3, "").unwrap();
     assert_eq!(
         (one.q.as_slice(), one.qd.as_slice()),
@@ -90,7 +79,7 @@ fn numbers_of_bends_that_are_left_out_are_zero() {
 
 #[test]
 fn beams_that_cannot_be_are_refused_with_the_rule() {
-    let desk = Desk::new("refused");
+    let desk = Desk::new();
     let robot = "[robot]\nurdf = \"hinged.urdf\"\nq = [0.3]";
     let said = |bends, rest: &str| desk.scene(robot, bends, rest).unwrap_err().to_string();
     let none = said(0, "");
@@ -106,7 +95,7 @@ fn beams_that_cannot_be_are_refused_with_the_rule() {
 /// momentum is that of the contact's forces: the energies balance to the tolerance.
 #[test]
 fn a_bending_rod_keeps_a_part_of_its_bounce_as_vibration() {
-    let desk = Desk::new("free");
+    let desk = Desk::new();
     let across = MASS * LENGTH * LENGTH / 12.0;
     let slide = |name: &str, axis: &str, parent: &str, child: &str| {
         format!(

@@ -1,17 +1,13 @@
 //! Several compliant contacts at once, each with its own force, beside rigid contacts and stops: statics, natural frequencies,
 //! decay and the rigid limit against closed forms.
 
-use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
 use carom_impact::{Damping, Energetic, HuntCrossley, KelvinVoigt};
-use carom_sim::{
-    Compliance, ContactMode, ContactRule, Holding, Scene, Simulation, Surface, Touch, Trajectory, Yielding,
-};
+use carom_sim::{Compliance, ContactMode, ContactRule, Holding, Scene, Simulation, Touch, Trajectory, Yielding};
+use carom_testing::build::{Part, X, Z, ball, chain};
+use carom_testing::scenes::{G, floor, kinds, on_floor, with_robots};
 use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
 
-const G: f64 = 9.81;
 /// `robots/feet.urdf`: mass, inertias, half distances of the feet, height of the centre of mass over the balls, their radius.
 const M: f64 = 8.0;
 const IX: f64 = 0.123733333333333;
@@ -24,12 +20,8 @@ const R: f64 = 0.02;
 const LINEAR: &str = "restitution = 1\ncompliance = { stiffness = 1e5, exponent = 1 }";
 const HALF_SPACE: &str = "shape = { halfspace = { point = [0, 0, 0], normal = [0, 0, 1] } }";
 
-fn robots() -> String {
-    concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots").to_owned()
-}
-
 fn scene(text: &str) -> Scene {
-    Scene::from_toml(text, robots()).unwrap_or_else(|e| panic!("{e}\n{text}"))
+    with_robots(text).unwrap_or_else(|e| panic!("{e}\n{text}"))
 }
 
 /// The block on its feet over a floor, with these keys of `[contact]` and these pairs.
@@ -55,10 +47,6 @@ fn lifted(height: f64, roll: f64, pitch: f64) -> Vec<f64> {
 fn seen(run: &Trajectory, sim: &Simulation, time: f64) -> [f64; 3] {
     let q = run.at(&sim.chain, time).q;
     [q[2] - H - R, 2.0 * q[3], 2.0 * q[4]]
-}
-
-fn kinds(run: &Trajectory) -> Vec<&'static str> {
-    run.events.iter().map(|event| event.kind.name()).collect()
 }
 
 /// On four equal springs the block sinks by m g/(4 k), and each carries a quarter of its weight; with two stiffer feet on a
@@ -208,16 +196,6 @@ fn a_block_with_rigid_rear_feet_rocks_on_its_compliant_front_feet() {
     }
 }
 
-fn chain(links: &str) -> Chain {
-    Chain::from_urdf_str(&format!("<robot name=\"r\"><link name=\"world\"/>{links}</robot>"), &LoadOptions::default())
-        .unwrap()
-}
-
-fn floor(contact: ContactRule) -> Surface {
-    let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    Surface { name: "floor".into(), obstacle, contact, motion: None }
-}
-
 fn soft(stiffness: f64, restitution: f64, friction: f64, tangential: Holding) -> ContactRule {
     let normal = Yielding::HuntCrossley { exponent: 1.0, damping: Damping::Exact };
     let compliance = Some(Compliance { stiffness, normal, tangential });
@@ -231,13 +209,8 @@ const SMOOTH: Holding = Holding::Smoothed { slip_speed: 1e-3 };
 #[test]
 fn a_rigid_stop_reverses_a_ball_that_presses_on_a_spring() {
     let (m, k, v, stop, e) = (2.0, 1e5, 1.0, 3e-3, 0.6);
-    let chain = chain(&format!(
-        "<link name=\"ball\"><inertial><mass value=\"{m}\"/><inertia ixx=\"0.01\" ixy=\"0\" ixz=\"0\" iyy=\"0.01\" iyz=\"0\" \
-         izz=\"0.01\"/></inertial><collision><geometry><sphere radius=\"0.1\"/></geometry></collision></link><joint \
-         name=\"fall\" type=\"prismatic\"><parent link=\"world\"/><child link=\"ball\"/><axis xyz=\"0 0 1\"/><limit \
-         lower=\"{}\" upper=\"9\" effort=\"0\" velocity=\"0\"/></joint>",
-        0.1 - stop
-    ));
+    let ball = Part::slider("ball", "base", Z).limits(0.1 - stop, 9.0, 0.0).weighing(m, [0.01; 3]).shaped(&ball(0.1));
+    let chain = chain(&[ball]);
     let touches = Touch::all(&chain, &[floor(soft(k, 1.0, 0.0, SMOOTH))], e).unwrap().touches;
     let sim = Simulation { tolerance: 1e-12, ..Simulation::new(chain, touches) };
     let run = sim.run(&[0.2], &[-v], 0.3).unwrap();
@@ -259,38 +232,23 @@ fn a_rigid_stop_reverses_a_ball_that_presses_on_a_spring() {
 #[test]
 fn feet_with_their_own_bristles_share_the_load_along_a_slope() {
     let (m, tangent, depth) = (8.0, 0.1_f64, 1e-4);
-    let foot = |name: &str, x: f64, z: f64| {
-        format!(
-            "<link name=\"{name}\"><collision><geometry><sphere radius=\"0.02\"/></geometry></collision></link><joint \
-             name=\"{name}_leg\" type=\"fixed\"><parent link=\"block\"/><child link=\"{name}\"/><origin xyz=\"{x} 0 \
-             {z}\"/></joint>"
-        )
-    };
-    let slide = |name: &str, parent: &str, child: &str, axis: &str| {
-        format!(
-            "<joint name=\"{name}\" type=\"prismatic\"><parent link=\"{parent}\"/><child link=\"{child}\"/><axis \
-             xyz=\"{axis}\"/><limit lower=\"-9\" upper=\"9\" effort=\"0\" velocity=\"0\"/></joint>"
-        )
-    };
-    let links = format!(
-        "<link name=\"carriage\"/><link name=\"block\"><inertial><mass value=\"{m}\"/><inertia ixx=\"0.1\" ixy=\"0\" \
-         ixz=\"0\" iyy=\"0.1\" iyz=\"0\" izz=\"0.1\"/></inertial></link>{}{}{}{}{}{}",
-        slide("along", "world", "carriage", "1 0 0"),
-        slide("off", "carriage", "block", "0 0 1"),
+    let foot =
+        |name: &str, x: f64, z: f64| Part::new(name, "block", "fixed", Z, [x, 0.0, z]).massless().shaped(&ball(0.02));
+    let parts = [
+        Part::slider("carriage", "base", X).massless(),
+        Part::slider("block", "carriage", Z).weighing(m, [0.1; 3]),
         foot("a", 0.0, 0.0),
         foot("b", 0.1, 0.0),
         foot("c", 0.2, 0.0),
         foot("d", 0.3, depth),
-    );
-    let chain = chain(&links);
+    ];
     let bristle = |stiffness: f64| Holding::Bristle { stiffness, damping: stiffness / 80.0 };
     let voigt = |rule: ContactRule| {
         let normal = Yielding::KelvinVoigt { pulls: false };
         ContactRule { compliance: rule.compliance.map(|own| Compliance { normal, ..own }), ..rule }
     };
-    let mut touches = Touch::all(&chain, &[floor(ContactRule::default())], 0.0).unwrap().touches;
-    touches.retain(|touch| touch.link().is_some());
-    for touch in &mut touches {
+    let mut sim = on_floor(chain(&parts), ContactRule::default());
+    for touch in &mut sim.touches {
         touch.contact = match touch.link() {
             Some("a") => soft(2e5, 0.5, 0.6, bristle(4e4)),
             Some("b") => voigt(soft(1e5, 0.3, 0.5, bristle(1e4))),
@@ -300,7 +258,7 @@ fn feet_with_their_own_bristles_share_the_load_along_a_slope() {
     }
     let along = G * tangent / tangent.hypot(1.0);
     let gravity = Vector3::new(along, 0.0, -along / tangent);
-    let sim = Simulation { gravity, tolerance: 1e-10, ..Simulation::new(chain, touches) };
+    let sim = Simulation { gravity, tolerance: 1e-10, ..sim };
     let run = sim.run(&[0.0, 0.02 - depth], &[0.0, 0.0], 3.0).unwrap();
     let end = &run.summary.last;
     let expected = m * along / 5e4;
@@ -392,7 +350,7 @@ fn compliance_of_a_pair_replaces_that_of_its_surface_and_of_the_scene() {
     assert_eq!(said.len(), 2, "{said:?}");
     assert!(said[0].starts_with("front_left on floor; rear_right on floor: hunt-crossley 2e0 N/m^1.5"), "{said:?}");
     assert!(said[1].starts_with("front_right on floor: hunt-crossley 3e0"), "{said:?}");
-    let refused = |text: String| Scene::from_toml(&text, robots()).unwrap_err().to_string();
+    let refused = |text: String| with_robots(&text).unwrap_err().to_string();
     for (keys, why) in [
         ("compliance = \"soft\"", "expected a table such as { stiffness = 1e7 }, or \"rigid\""),
         ("compliance = { stifness = 1 }", "did you mean `stiffness`?"),

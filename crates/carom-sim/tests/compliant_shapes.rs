@@ -1,15 +1,12 @@
 //! Which shapes have compliant contacts: each fulfils the wish for a stiffness, or is refused with the names of the pair.
 
-use carom_sim::{Plan, Scene, SimError};
+use carom_sim::{Plan, SimError};
+use carom_testing::build::{self, O, Part, Z, brick, one_body, urdf};
+use carom_testing::scenes::scene;
 
 /// A body of 2 kg over a surface, both given by their shapes, with linear compliance of 1e4 N/m, at this height.
-fn plan(name: &str, shape: &str, surface: &str, height: f64, more: &str) -> Result<Plan, SimError> {
-    let folder = std::env::temp_dir().join(format!("carom-shapes-{}-{}", name.replace(' ', "-"), std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let robot = format!(
-        "<robot name='r'><link name='body'><inertial><mass value='2'/><inertia ixx='0.01' ixy='0' ixz='0' iyy='0.01' iyz='0' izz='0.01'/>
-         </inertial><collision><geometry>{shape}</geometry></collision></link></robot>"
-    );
+fn plan(shape: &str, surface: &str, height: f64, more: &str) -> Result<Plan, SimError> {
+    let robot = one_body(2.0, [0.01; 3], &build::shape(shape, O, O));
     let text = format!(
         "[robot]\nurdf = 'robot.urdf'\nfloating = true\ntip = 'body'\nq = [0, 0, {height}, 0, 0, 0, 1]\n[[surface]]\nname = 'desk'\n\
          shape = {{ {surface} }}\n[contact]\nrestitution = 0.2\ncompliance = {{ stiffness = 1e4, force = 'kelvin-voigt' }}\n{more}\
@@ -29,12 +26,8 @@ fn plan(name: &str, shape: &str, surface: &str, height: f64, more: &str) -> Resu
         face([x, y, -0.05], [v, w, -0.05], [0.0, 0.0, 0.1]);
         face([v, w, -0.05], [x, y, -0.05], [0.0, 0.0, -0.05]);
     }
-    std::fs::write(folder.join("cone.stl"), cone + "endsolid c\n").unwrap();
-    std::fs::write(folder.join("robot.urdf"), robot).unwrap();
-    std::fs::write(folder.join("scene.toml"), text).unwrap();
-    let plan = Scene::from_file(folder.join("scene.toml")).and_then(|scene| scene.plan());
-    std::fs::remove_dir_all(&folder).unwrap();
-    plan
+    let cone = cone + "endsolid c\n";
+    scene(&[("cone.stl", &cone), ("robot.urdf", &robot)], &text).and_then(|scene| scene.plan())
 }
 
 const FLOOR: &str = "halfspace = { point = [0, 0, 0], normal = [0, 0, 1] }";
@@ -48,7 +41,7 @@ fn a_body_on_a_half_space_sinks_by_its_weight_over_the_stiffness_of_its_corners(
         ("mesh", "<mesh filename='cone.stl'/>", 0.05, 48.0),
     ];
     for (name, shape, height, corners) in shapes {
-        let plan = plan(name, shape, FLOOR, height + 1e-3, "").unwrap();
+        let plan = plan(shape, FLOOR, height + 1e-3, "").unwrap();
         let summary = plan.simulation.run(&plan.q, &plan.qd, 1.0).unwrap().summary;
         let sunk = height - summary.last.q[2];
         let exact = 2.0 * 9.81 / (corners * 1e4);
@@ -62,13 +55,13 @@ fn a_body_on_a_half_space_sinks_by_its_weight_over_the_stiffness_of_its_corners(
 #[test]
 fn compliance_of_two_bodies_with_faces_is_refused_with_their_names() {
     let desk = "box = { centre = [0, 0, -0.1], size = [1, 1, 0.2] }";
-    for (name, shape) in [("a box", "<box size='0.2 0.3 0.1'/>"), ("a mesh", "<mesh filename='cone.stl'/>")] {
-        let said = plan(name, shape, desk, 0.06, "").unwrap_err().to_string();
+    for (_name, shape) in [("a box", "<box size='0.2 0.3 0.1'/>"), ("a mesh", "<mesh filename='cone.stl'/>")] {
+        let said = plan(shape, desk, 0.06, "").unwrap_err().to_string();
         assert!(said.contains("body on desk: compliance stiffness is 10000"), "{said}");
         let rigid = "[[contact.pair]]\nlink = 'body'\ncompliance = 'rigid'\n";
-        plan(name, shape, desk, 0.06, rigid).unwrap();
+        plan(shape, desk, 0.06, rigid).unwrap();
     }
-    let ball = plan("a ball", "<sphere radius='0.1'/>", desk, 0.101, "").unwrap();
+    let ball = plan("<sphere radius='0.1'/>", desk, 0.101, "").unwrap();
     let last = ball.simulation.run(&ball.q, &ball.qd, 1.0).unwrap().summary.last;
     let exact = 2.0 * 9.81 / 1e4;
     assert!((0.1 - last.q[2] - exact).abs() < 1e-5 * exact, "{:?}", last.q);
@@ -77,24 +70,16 @@ fn compliance_of_two_bodies_with_faces_is_refused_with_their_names() {
 /// In the plane corners with the same projection are one; compliant ones are not, because each has a force.
 #[test]
 fn a_compliant_box_sinks_alike_in_the_plane_and_in_space() {
-    let folder = std::env::temp_dir().join(format!("carom-shapes-plane-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let robot = "<robot name='r'><link name='world'/><link name='body'><inertial><mass value='2'/><inertia ixx='0.01' ixy='0' ixz='0' \
-                 iyy='0.01' iyz='0' izz='0.01'/></inertial><collision><geometry><box size='0.2 0.3 0.1'/></geometry></collision></link>\
-                 <joint name='z' type='prismatic'><parent link='world'/><child link='body'/><axis xyz='0 0 1'/>\
-                 <limit lower='-9' upper='9' effort='9' velocity='9'/></joint></robot>";
-    std::fs::write(folder.join("robot.urdf"), robot).unwrap();
+    let robot = urdf(&[Part::slider("body", "base", Z).weighing(2.0, [0.01; 3]).shaped(&brick([0.2, 0.3, 0.1]))]);
     for model in ["auto", "full"] {
         let text = format!(
             "[robot]\nurdf = 'robot.urdf'\ntip = 'body'\nq = [0.051]\n[[surface]]\nname = 'floor'\nshape = {{ {FLOOR} }}\n[contact]\n\
              restitution = 0.2\ncompliance = {{ stiffness = 1e4, force = 'kelvin-voigt' }}\n[run]\nduration = 1\nmodel = '{model}'\n\
              gravity = [0, 0, -9.81]\n"
         );
-        std::fs::write(folder.join("scene.toml"), text).unwrap();
-        let plan = Scene::from_file(folder.join("scene.toml")).unwrap().plan().unwrap();
+        let plan = scene(&[("robot.urdf", &robot)], &text).unwrap().plan().unwrap();
         let last = plan.simulation.run(&plan.q, &plan.qd, 1.0).unwrap().summary.last;
         let exact = 2.0 * 9.81 / 4e4;
         assert!((0.05 - last.q[0] - exact).abs() < 1e-5 * exact, "{model}: {:?}", last.q);
     }
-    std::fs::remove_dir_all(&folder).unwrap();
 }

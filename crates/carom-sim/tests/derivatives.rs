@@ -6,22 +6,15 @@ use carom_impact::{AnyLaw, CoefficientRanges, Coefficients, Energetic, Frictionl
 use carom_sim::{
     ContactRows, Impacts, Moment, Oscillation, PlaneContact, RowContact, SimError, free_motion, saltation,
 };
+use carom_testing::build::{Part, X, Z, of_urdf, rooted};
+use carom_testing::files::{robot, robot_with};
 use nalgebra::{DMatrix, DVector, Matrix2, Vector3};
 use std::f64::consts::{PI, TAU};
 
 const G: f64 = 9.81;
 
-fn path(name: &str) -> String {
-    format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))
-}
-
-fn robot(name: &str) -> Chain {
-    Chain::from_urdf_file(path(name)).unwrap()
-}
-
 fn floating(name: &str) -> Chain {
-    let options = LoadOptions { floating_base: true, ..LoadOptions::default() };
-    Chain::from_urdf_file_with(path(name), &options).unwrap()
+    robot_with(name, true)
 }
 
 fn close(what: &str, x: f64, expected: f64, within: f64) {
@@ -240,27 +233,16 @@ fn the_determinant_of_the_saltation_matrix_is_the_square_of_the_restitution() {
     }
 }
 
-fn link(name: &str, axis: &str) -> String {
-    format!(
-        r#"<link name="{name}"><inertial><mass value="1"/><inertia ixx="0.004" ixy="0" ixz="0" iyy="0.004" iyz="0" izz="0.004"/></inertial></link>
-        <joint name="to_{name}" type="prismatic"><parent link="world"/><child link="{name}"/><axis xyz="{axis}"/><limit lower="-9" upper="9" effort="1" velocity="1"/></joint>"#
-    )
-}
-
 /// Masses of 1 kg, each on its own prismatic joint.
-fn sliders(axis: &str, names: &[&str]) -> Chain {
-    let links: String = names.iter().map(|name| link(name, axis)).collect();
-    Chain::from_urdf_str(
-        &format!(r#"<robot name="sliders"><link name="world"/>{links}</robot>"#),
-        &LoadOptions::default(),
-    )
-    .unwrap()
+fn sliders(axis: [f64; 3], names: &[&str]) -> Chain {
+    let part = |name: &&str| Part::slider(name, "world", axis).weighing(1.0, [0.004; 3]);
+    of_urdf(&rooted("<link name='world'/>", &names.iter().map(part).collect::<Vec<_>>()))
 }
 
 /// Case B7: a ball that starts at 0.2 m with −2 m/s, e = 0.8: the derivative of the flow over 0.3 s is Φ₁ Ξ Φ₀.
 #[test]
 fn the_bouncing_ball_has_its_published_derivative() {
-    let chain = sliders("0 0 1", &["ball"]);
+    let chain = sliders(Z, &["ball"]);
     let (y, v): (f64, f64) = (0.2, -2.0);
     let before = -(v * v + 2.0 * G * y).sqrt();
     let fall = (v - before) / G;
@@ -283,7 +265,7 @@ fn the_bouncing_ball_has_its_published_derivative() {
 /// eigenvalue −1 at Γ² = (2(1+e²)/(1+e)²)² + (π(1−e)/(1+e))².
 #[test]
 fn the_monodromy_matrix_has_the_closed_form_period_doubling() {
-    let chain = sliders("0 0 1", &["ball"]);
+    let chain = sliders(Z, &["ball"]);
     let frame = chain.frame("ball").unwrap();
     let omega = TAU * 10.0;
     let period = TAU / omega;
@@ -322,7 +304,7 @@ fn the_monodromy_matrix_has_the_closed_form_period_doubling() {
 /// Without the derivative of the time of impact the result is (0.75, 0.25, 0.91, 0.08).
 #[test]
 fn the_gradient_of_an_elastic_pair_is_exact() {
-    let chain = sliders("1 0 0", &["first", "second"]);
+    let chain = sliders(X, &["first", "second"]);
     let meets = 0.52 - 0.2; // at 1 m/s
     let moment = Moment { time: meets, q: vec![meets, 0.52], qd: vec![1.0, 0.0] };
     let gap = RowContact(vec![-1.0, 1.0]);
@@ -391,7 +373,7 @@ fn the_flow_of_an_arm_through_an_impact_has_the_derivative_of_the_saltation_matr
 
 #[test]
 fn grazing_and_invalid_input_are_refused() {
-    let chain = sliders("0 0 1", &["ball"]);
+    let chain = sliders(Z, &["ball"]);
     let plane = PlaneContact::new(chain.frame("ball").unwrap(), [0.0, 0.0, 1.0]).unwrap();
     let fall = |_: &Moment| Ok(DVector::from_element(1, -G));
     let at = |qd: f64, q: f64| Moment { time: 0.0, q: vec![q], qd: vec![qd] };

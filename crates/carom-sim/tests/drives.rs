@@ -1,49 +1,26 @@
 //! Controllers of joints, springs, forces from outside: closed forms.
 
 use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
 use carom_sim::{
     Controller, Drive, Gains, Integrator, Load, Observed, Profile, Reference, SimError, Simulation, Spring, Tracking,
     Wrench, WrenchAxes,
 };
+use carom_testing::build::{Part, X, Z, chain, floating_urdf, free, rooted};
+use carom_testing::files::robot;
+use carom_testing::scenes::{DOWN, G};
 use nalgebra::{Matrix3, Rotation3, Vector3};
-
-const G: f64 = 9.81;
-
-fn body(name: &str, mass: f64, inertia: [f64; 3]) -> String {
-    let [x, y, z] = inertia;
-    format!(
-        "<link name='{name}'><inertial><mass value='{mass}'/>
-         <inertia ixx='{x}' ixy='0' ixz='0' iyy='{y}' iyz='0' izz='{z}'/></inertial></link>"
-    )
-}
 
 /// A base that floats, with a hinge and a slider whose bodies have their centres on the joints' axes.
 fn floating() -> Chain {
-    let joint = |name: &str, kind: &str, child: &str, place: &str, effort: f64| {
-        format!(
-            "<joint name='{name}' type='{kind}'><origin xyz='{place}'/><parent link='base'/><child link='{child}'/>
-             <axis xyz='0 0 1'/><limit lower='-100' upper='100' effort='{effort}' velocity='9'/></joint>"
-        )
-    };
-    let text = format!(
-        "<robot name='probe'>{}{}{}{}{}</robot>",
-        body("base", 5.0, [0.1, 0.2, 0.3]),
-        body("wheel", 1.0, [0.01, 0.01, 0.02]),
-        body("slide", 2.0, [0.01, 0.01, 0.01]),
-        joint("turn", "revolute", "wheel", "0 0 0", 0.05),
-        joint("push", "prismatic", "slide", "0 0 0", 3.0)
-    );
-    Chain::from_urdf_str(&text, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap()
+    let base = Part::slider("base", "", Z).weighing(5.0, [0.1, 0.2, 0.3]);
+    let turn = Part::new("wheel", "base", "revolute", Z, [0.0; 3]).limits(-100.0, 100.0, 0.05);
+    let push = Part::slider("slide", "base", Z).limits(-100.0, 100.0, 3.0);
+    let parts = [turn.weighing(1.0, [0.01, 0.01, 0.02]), push.weighing(2.0, [0.01; 3])];
+    floating_urdf(&rooted(&base.link(), &parts))
 }
 
 fn slider(mass: f64) -> Chain {
-    let text = format!(
-        "<robot name='slider'><link name='world'/>{}<joint name='slide' type='prismatic'><parent link='world'/>
-         <child link='cart'/><axis xyz='1 0 0'/><limit lower='-1e9' upper='1e9' effort='2' velocity='9'/></joint></robot>",
-        body("cart", mass, [0.01; 3])
-    );
-    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+    chain(&[Part::slider("cart", "base", X).limits(-1e9, 1e9, 2.0).weighing(mass, [0.01; 3])])
 }
 
 fn exact(chain: Chain) -> Simulation {
@@ -60,7 +37,7 @@ fn pd_on_a_floating_robot_drives_its_joints_and_not_its_base() {
     let reduced = 6.0 * 2.0 / 8.0; // base and wheel 6 kg, slide 2 kg
     let (kp, kd) = (150.0, 3.0);
     let mut sim = exact(chain);
-    sim.gravity = Vector3::new(0.0, 0.0, -G);
+    sim.gravity = DOWN;
     let target = [LEVEL[..7].to_vec(), vec![0.0, 0.02]].concat();
     sim.drive = Drive::Pd { kp: vec![0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, kp].into(), kd: kd.into(), target };
     let end = 0.7;
@@ -82,7 +59,7 @@ fn pd_on_a_floating_robot_drives_its_joints_and_not_its_base() {
 #[test]
 fn gravity_compensation_does_not_hold_a_floating_base() {
     let mut sim = exact(floating());
-    sim.gravity = Vector3::new(0.0, 0.0, -G);
+    sim.gravity = DOWN;
     sim.drive = Drive::GravityCompensation;
     let end = 0.5;
     let run = sim.run(&LEVEL, &[0.0; 8], end).unwrap();
@@ -117,7 +94,7 @@ fn effort_limits_bound_the_forces_of_motors_only() {
 #[test]
 fn a_cart_on_a_spring_swings_and_keeps_kinetic_plus_elastic_energy() {
     let mut sim = exact(slider(2.0));
-    let spring = Spring { joint: "slide".into(), rest: 0.3, stiffness: 50.0, damping: 0.0 };
+    let spring = Spring { joint: "jcart".into(), rest: 0.3, stiffness: 50.0, damping: 0.0 };
     sim.springs = vec![spring.clone()];
     let run = sim.run(&[0.0], &[0.0], 1.7).unwrap();
     assert!((run.summary.last.q[0] - 0.3 * (1.0 - 8.5_f64.cos())).abs() < 1e-9);
@@ -144,7 +121,7 @@ fn a_cart_on_a_spring_swings_and_keeps_kinetic_plus_elastic_energy() {
 /// A robot that starts on its reference stays on it, with springs, damping and gravity, without any feedback.
 #[test]
 fn feed_forward_alone_keeps_an_arm_on_its_reference() {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/planar3.urdf")).unwrap();
+    let chain = robot("planar3");
     let n = chain.nv();
     let times: Vec<f64> = (0..=20).map(|k| 0.05 * f64::from(k)).collect();
     let wave = |t: f64, k: usize| 0.4 * ((2.0 + k as f64) * t + 0.3).sin() - 0.2 * k as f64;
@@ -195,8 +172,7 @@ fn a_force_table_is_integrated_exactly_across_its_jumps() {
 #[test]
 fn a_wrench_on_a_free_body_obeys_newton_and_euler() {
     let inertia = [0.2, 0.3, 0.4];
-    let text = format!("<robot name='b'>{}</robot>", body("b", 3.0, inertia));
-    let chain = Chain::from_urdf_str(&text, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap();
+    let chain = free(3.0, inertia, "");
     let turn = Rotation3::from_euler_angles(0.4, -1.1, 2.0);
     let k = nalgebra::UnitQuaternion::from_rotation_matrix(&turn).coords;
     let q = [0.3, -0.2, 0.7, k[0], k[1], k[2], k[3]];
@@ -204,7 +180,7 @@ fn a_wrench_on_a_free_body_obeys_newton_and_euler() {
     for axes in [WrenchAxes::World, WrenchAxes::Body] {
         let load = Load::Constant { force: f, torque: t };
         let mut sim = exact(chain.clone());
-        sim.wrenches = vec![Wrench { link: "b".into(), point: r, axes, load }];
+        sim.wrenches = vec![Wrench { link: "body".into(), point: r, axes, load }];
         let h = 1e-4;
         let run = sim.run(&q, &[0.0; 6], h).unwrap();
         // In body axes, as qd is.
@@ -240,5 +216,5 @@ fn a_users_pd_controller_is_pd() {
     assert_eq!(own.last, built_in.last);
     sim.drive = Drive::user(Pd(f64::INFINITY, 0.0));
     let refused = sim.run(&[0.0], &[1.0], 1.0).unwrap_err().to_string();
-    assert_eq!(refused, "joint 'slide' gets the force inf from controller 'own'");
+    assert_eq!(refused, "joint 'jcart' gets the force inf from controller 'own'");
 }

@@ -1,32 +1,16 @@
 //! Events at the limits of time: at the first instants of a run and at its end.
 
-use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
-use carom_impact::Newton;
-use carom_sim::{ContactRule, Integrator, Simulation, Surface, Touch};
+use carom_sim::{Integrator, Simulation, Touch};
+use carom_testing::build::{Part, X, Y, Z, ball as ball_of, brick, chain, falling_ball};
+use carom_testing::scenes::{DOWN, among, floor, newton, on_floor, surface};
 use nalgebra::{Isometry3, Vector3};
 
 const RADIUS: f64 = 0.1;
 
 /// A ball on a vertical slider over a floor, without gravity.
 fn ball(integrator: Integrator) -> Simulation {
-    let text = format!(
-        r#"<robot name="ball"><link name="world"/>
-        <link name="ball">
-          <inertial><mass value="2"/><inertia ixx="0.008" ixy="0" ixz="0" iyy="0.008" iyz="0" izz="0.008"/></inertial>
-          <collision><geometry><sphere radius="{RADIUS}"/></geometry></collision>
-        </link>
-        <joint name="fall" type="prismatic"><parent link="world"/><child link="ball"/><axis xyz="0 0 1"/>
-          <limit lower="-1000" upper="1000" effort="0" velocity="0"/></joint></robot>"#
-    );
-    let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
-    let contact = ContactRule::new(Newton { restitution: 0.5, friction: 0.0 });
-    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let floor = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
-    let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
-    let touches = touches.into_iter().filter(|touch| touch.link().is_some()).collect();
-    Simulation { integrator, ..Simulation::new(chain, touches) }
+    Simulation { integrator, gravity: Vector3::zeros(), ..on_floor(falling_ball(), newton(0.5, 0.0)) }
 }
 
 /// A run shorter than the first step of an integrator (1 µs for Radau's) ends at its end, before an impact 0.2 µs later.
@@ -67,32 +51,11 @@ fn the_state_at_an_impact_just_after_the_start_has_a_closed_gap() {
 #[test]
 fn a_gap_that_closes_while_impacts_accumulate_is_not_missed() {
     let (g, e, height, zeno_time): (f64, f64, f64, f64) = (9.81, 0.5, 0.2, 1e-3);
-    let link = |name: &str, shape: &str| {
-        format!(
-            "<link name='{name}'><inertial><mass value='2'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>{shape}</link>"
-        )
-    };
-    let joint = |name: &str, child: &str, axis: &str, upper: f64| {
-        format!(
-            "<joint name='{name}' type='prismatic'><parent link='world'/><child link='{child}'/><axis xyz='{axis}'/>
-             <limit lower='-9' upper='{upper}' effort='0' velocity='0'/></joint>"
-        )
-    };
-    let text = [
-        "<robot name='both'><link name='world'/>",
-        &link("ball", &format!("<collision><geometry><sphere radius='{RADIUS}'/></geometry></collision>")),
-        &link("side", ""),
-        &joint("fall", "ball", "0 0 1", 9.0),
-        &joint("slide", "side", "1 0 0", 0.0),
-        "</robot>",
-    ];
-    let chain = Chain::from_urdf_str(&text.concat(), &LoadOptions::default()).unwrap();
-    let contact = ContactRule::new(Newton { restitution: e, friction: 0.0 });
-    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let floor = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
-    let touches = Touch::all(&chain, &[floor], 1.0).unwrap().touches;
-    let gravity = Vector3::new(0.0, 0.0, -g);
-    let sim = Simulation { gravity, zeno_time, ..Simulation::new(chain, touches) };
+    let ball = Part::slider("ball", "base", Z).weighing(2.0, [1.0; 3]).shaped(&ball_of(RADIUS));
+    let side = Part::slider("side", "base", X).limits(-9.0, 0.0, 0.0).weighing(2.0, [1.0; 3]);
+    let chain = chain(&[ball, side]);
+    let touches = Touch::all(&chain, &[floor(newton(e, 0.0))], 1.0).unwrap().touches;
+    let sim = Simulation { gravity: DOWN, zeno_time, ..Simulation::new(chain, touches) };
 
     let fall = (2.0 * height / g).sqrt();
     let rest = fall * (1.0 + 2.0 * e / (1.0 - e));
@@ -122,37 +85,16 @@ fn the_slow_approach_of_a_corner_beside_another_is_an_impact() {
     let (b, h) = (radius * alpha.sin(), radius * alpha.cos());
     let mass = 2.0;
     let inertia = mass * radius * radius / 3.0;
-    let joint = |name: &str, kind: &str, parent: &str, child: &str, axis: &str| {
-        format!(
-            "<joint name='{name}' type='{kind}'><parent link='{parent}'/><child link='{child}'/><axis xyz='{axis}'/>
-             <limit lower='-9' upper='9' effort='0' velocity='0'/></joint>"
-        )
-    };
-    let text = [
-        "<robot name='block'><link name='world'/><link name='a'/><link name='b'/>",
-        &format!(
-            "<link name='block'><inertial><mass value='{mass}'/>
-             <inertia ixx='{inertia}' ixy='0' ixz='0' iyy='{inertia}' iyz='0' izz='{inertia}'/></inertial>
-             <collision><geometry><box size='{} 0.1 {}'/></geometry></collision></link>",
-            2.0 * b,
-            2.0 * h
-        ),
-        "<link name='wheel'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link>",
-        &joint("x", "prismatic", "world", "a", "1 0 0"),
-        &joint("z", "prismatic", "a", "b", "0 0 1"),
-        &joint("pitch", "continuous", "b", "block", "0 1 0"),
-        &joint("spin", "continuous", "world", "wheel", "0 0 1"),
-        "</robot>",
+    let parts = [
+        Part::slider("a", "base", X).massless(),
+        Part::slider("b", "a", Z).massless(),
+        Part::hinge("block", "b", Y).weighing(mass, [inertia; 3]).shaped(&brick([2.0 * b, 0.1, 2.0 * h])),
+        Part::hinge("wheel", "base", Z).weighing(1.0, [1.0; 3]),
     ];
-    let chain = Chain::from_urdf_str(&text.concat(), &LoadOptions::default()).unwrap();
-    let contact = ContactRule::new(Newton { restitution: 0.0, friction: 5.0 });
     // Corners on the face of a body: contacts of one pair.
     let floor = Obstacle::cuboid(Isometry3::translation(0.0, 0.0, -0.1), Vector3::new(1.0, 1.0, 0.2)).unwrap();
-    let floor = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
-    let mut touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
-    touches.retain(|touch| touch.link().is_some());
-    let (gravity, tolerance) = (Vector3::new(0.0, 0.0, -9.81), 1e-6);
-    let sim = Simulation { gravity, tolerance, ..Simulation::new(chain, touches) };
+    let sim = among(chain(&parts), &[surface("floor", floor, newton(0.0, 5.0))]);
+    let sim = Simulation { tolerance: 1e-6, ..sim };
     let (s, c) = (0.7 * alpha).sin_cos();
     let start = [s * h - c * b, c * h + s * b, 0.7 * alpha, 0.0];
     let run = sim.run(&start, &[0.0, 0.0, 0.0, 100.0], 0.25).unwrap();

@@ -10,7 +10,7 @@ use nalgebra::{DVector, Vector3};
 const NORMAL: [f64; 3] = [-0.6, 0.7, 0.2];
 
 fn text(name: &str) -> String {
-    std::fs::read_to_string(format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap()
+    carom_testing::files::text(&format!("robots/{name}.urdf"))
 }
 
 /// The robot. A floating base gets a mass: a massless one has no inertia of its own.

@@ -1,15 +1,15 @@
 //! Impacts at several points at the same moment, against a dense projection and the conditions of the law.
 
-use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, Coordinates, FramePoint};
 use carom_impact::{Flags, Frictionless};
 use carom_sim::{Grip, Impacts, JointModel, SeveralImpact, SeveralLaw, SimError, StruckPoint};
+use carom_testing::build::{Part, chain};
+use carom_testing::files::robot_with;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// The quadruped of the repository on a floating base: 18 velocities.
 fn quadruped() -> Chain {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/quadruped.urdf");
-    Chain::from_urdf_file_with(path, &LoadOptions { floating_base: true, ..Default::default() }).unwrap()
+    robot_with("quadruped", true)
 }
 
 /// A configuration that is not symmetric, with the body turned, and a motion downwards.
@@ -219,19 +219,14 @@ fn struck_points_share_the_energetic_impulse_by_the_ratio_of_their_stiffnesses()
 /// A row of five hinges, turned at random.
 fn five_hinges(rng: &mut fastrand::Rng) -> Chain {
     let mut unit = || 2.0 * rng.f64() - 1.0;
-    let mut urdf = "<robot name='r'><link name='world'/>".to_owned();
-    for k in 0..5_usize {
-        let parent = k.checked_sub(1).map_or("world".into(), |p| format!("l{p}"));
-        let [com, place, turned, axis]: [String; 4] = std::array::from_fn(|i| {
-            format!("{} {} {}", unit() * 0.3, unit() * 0.3 + [0.0, 0.0, 2.0, 0.0][i], unit() * 0.3)
-        });
-        urdf += &format!(
-            "<link name='l{k}'><inertial><origin xyz='{com}'/><mass value='1'/><inertia ixx='0.02' iyy='0.03' izz='0.04' ixy='0' \
-             ixz='0' iyz='0'/></inertial></link><joint name='j{k}' type='continuous'><origin xyz='{place}' rpy='{turned}'/>\
-             <parent link='{parent}'/><child link='l{k}'/><axis xyz='{axis}'/></joint>"
-        );
-    }
-    Chain::from_urdf_str(&(urdf + "</robot>"), &LoadOptions::default()).unwrap()
+    let mut three = |aside: f64| [unit() * 0.3, unit() * 0.3 + aside, unit() * 0.3];
+    let parts = (0..5_usize).map(|k| {
+        let parent = k.checked_sub(1).map_or("base".into(), |p| format!("l{p}"));
+        let (com, place, turned, axis) = (three(0.0), three(0.0), three(2.0), three(0.0));
+        let part = Part::new(&format!("l{k}"), &parent, "continuous", axis, place).turned(turned).com(com);
+        part.weighing(1.0, [0.02, 0.03, 0.04])
+    });
+    chain(&parts.collect::<Vec<_>>())
 }
 
 /// Rough points of a chain that approach a corner together: the law holds to 1e-9 with the coefficients of restitution given, or it

@@ -1,29 +1,21 @@
 //! Beginning and end of lasting contacts, and time steps while several last.
 
 use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
 use carom_contact::{Mesh, Obstacle};
-use carom_impact::{Energetic, Newton};
-use carom_sim::{ContactMode, ContactRule, Drive, EventKind, Scene, Simulation, Summary, Surface, Touch};
+use carom_impact::Energetic;
+use carom_sim::{ContactMode, ContactRule, Drive, EventKind, Simulation, Summary};
+use carom_testing::build::{O, Part, X, ball, chain, free, shape};
+use carom_testing::scenes::{DOWN, G, among, level, newton, on_floor, shipped, surface};
 use nalgebra::{Isometry3, Vector3};
 
-const G: f64 = 9.81;
-
 fn over(chain: Chain, obstacle: Obstacle, restitution: f64) -> Simulation {
-    let contact = ContactRule::new(Newton { restitution, friction: 0.0 });
-    let surface = Surface { name: "ground".into(), obstacle, contact, motion: None };
-    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
-    Simulation::new(chain, touches)
+    let ground = surface("ground", obstacle, newton(restitution, 0.0));
+    Simulation { gravity: Vector3::zeros(), ..among(chain, &[ground]) }
 }
 
 /// A free body of 1 kg with a collision shape.
-fn body(shape: &str) -> Chain {
-    let text = format!(
-        r#"<robot name="body"><link name="body"><inertial><mass value="1"/>
-        <inertia ixx="0.004" ixy="0" ixz="0" iyy="0.004" iyz="0" izz="0.004"/></inertial>
-        <collision><geometry>{shape}</geometry></collision></link></robot>"#
-    );
-    Chain::from_urdf_str(&text, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap()
+fn body(element: &str) -> Chain {
+    free(1.0, [0.004; 3], &shape(element, O, O))
 }
 
 /// A ball of radius r on top of a sphere of radius R leaves it at once if v² > g (R + r), and slides at first if not.
@@ -31,7 +23,7 @@ fn body(shape: &str) -> Chain {
 fn a_fast_ball_leaves_the_top_of_a_sphere_at_once() {
     let (post, own) = (0.5, 0.1);
     let mut sim = over(body(r#"<sphere radius="0.1"/>"#), Obstacle::sphere(Vector3::zeros(), post).unwrap(), 0.0);
-    sim.gravity = Vector3::new(0.0, 0.0, -G);
+    sim.gravity = DOWN;
     let q = [0.0, 0.0, post + own, 0.0, 0.0, 0.0, 1.0];
     for (share, leaves) in [(0.99, false), (1.01, true)] {
         let v = f64::sqrt(share * G * (post + own));
@@ -79,7 +71,7 @@ fn a_box_rests_on_an_open_mesh_of_either_orientation() {
         let square = Mesh::from_triangles(corners.to_vec(), triangles.to_vec()).unwrap();
         let ground = Obstacle::mesh(square, Isometry3::identity()).unwrap();
         let mut sim = over(body(r#"<box size="0.2 0.2 0.1"/>"#), ground, 0.3);
-        sim.gravity = Vector3::new(0.0, 0.0, -G);
+        sim.gravity = DOWN;
         let run = sim.run(&[0.3, 0.1, 0.05, 0.0, 0.0, 0.0, 1.0], &[0.0; 6], 0.3).unwrap();
         let kinds: Vec<_> = run.events.iter().map(|event| event.kind.name()).collect();
         assert_eq!(kinds, ["stepping", "rest"]);
@@ -111,7 +103,7 @@ fn free_motion_begins_ten_full_time_steps_after_the_last_contact() {
 #[test]
 fn time_steps_end_one_rounding_before_the_end_of_the_run() {
     let mut sim = over(body(r#"<box size="0.2 0.2 0.02"/>"#), plateau(), 0.0);
-    sim.gravity = Vector3::new(0.0, 0.0, -G);
+    sim.gravity = DOWN;
     sim.contact_step = 2.0_f64.powi(-10);
     let end = 2.0_f64.powi(-7).next_up();
     let run = sim.run(&[-1.0, -1.5, 0.01, 0.0, 0.0, 0.0, 1.0], &[0.8, 0.0, 0.0, 0.0, 0.0, 0.0], end).unwrap();
@@ -125,10 +117,8 @@ fn time_steps_end_one_rounding_before_the_end_of_the_run() {
 fn the_estimated_error_of_time_steps_holds_the_distance_of_a_stop() {
     let (mu, v) = (0.3, 0.8);
     let mut sim = over(body(r#"<box size="0.2 0.2 0.02"/>"#), plateau(), 0.0);
-    sim.touches
-        .iter_mut()
-        .for_each(|touch| touch.contact = ContactRule::new(Newton { restitution: 0.0, friction: mu }));
-    sim.gravity = Vector3::new(0.0, 0.0, -G);
+    sim.touches.iter_mut().for_each(|touch| touch.contact = newton(0.0, mu));
+    sim.gravity = DOWN;
     let mut last = f64::INFINITY;
     for tolerance in [1e-8, 1e-11, 1e-13] {
         let sim = Simulation { tolerance, ..sim.clone() };
@@ -146,12 +136,7 @@ fn the_estimated_error_of_time_steps_holds_the_distance_of_a_stop() {
 /// m (v⁺ − v)/h = k (target − x⁺) − d v⁺, which is stable for any stiffness. Without them the velocity stays.
 #[test]
 fn time_steps_are_implicit_in_the_controller() {
-    let text = r#"<robot name="slider"><link name="world"/>
-        <link name="mass"><inertial><mass value="2"/>
-          <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-        <joint name="x" type="prismatic"><parent link="world"/><child link="mass"/><axis xyz="1 0 0"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint></robot>"#;
-    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
+    let chain = chain(&[Part::slider("mass", "base", X).weighing(2.0, [1.0; 3])]);
     let (mass, target, h) = (2.0, 0.3, 2.0_f64.powi(-7));
     for (kp, kd) in [(0.0, 0.0), (50.0, 0.0), (50.0, 4.0), (1e7, 3.0)] {
         let drive = Drive::Pd { kp: kp.into(), kd: kd.into(), target: vec![target] };
@@ -177,13 +162,9 @@ fn time_steps_are_implicit_in_the_controller() {
 fn an_accumulation_has_the_friction_of_all_its_impacts() {
     let (mu, e, v, drop, end) = (0.3, 0.5, 5.0, 0.05, 0.4);
     for zeno_time in [1e-5, 1e-4, 1e-3_f64] {
-        let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
         let contact = ContactRule::new(Energetic { restitution: e, friction: mu });
-        let surface = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
-        let chain = body(r#"<sphere radius="0.1"/>"#);
-        let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
-        let gravity = Vector3::new(0.0, 0.0, -G);
-        let sim = Simulation { gravity, tolerance: 1e-12, zeno_time, ..Simulation::new(chain, touches) };
+        let sim = on_floor(body(&ball(0.1)), contact);
+        let sim = Simulation { tolerance: 1e-12, zeno_time, ..sim };
         let run = sim.run(&[0.0, 0.0, 0.1 + drop, 0.0, 0.0, 0.0, 1.0], &[v, 0.0, 0.0, 0.0, 0.0, 0.0], end).unwrap();
         let kinds: Vec<_> = run.events.iter().map(|event| event.kind.name()).collect();
         assert_eq!(kinds[kinds.len() - 2..], ["zeno", "sliding"], "{kinds:?}");
@@ -201,7 +182,7 @@ fn an_accumulation_has_the_friction_of_all_its_impacts() {
 /// takes over, each time for longer. The end does not depend on the tolerance, and the arm stands.
 #[test]
 fn an_arm_that_presses_on_a_table_comes_to_rest_in_few_evaluations() {
-    let scene = Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/pressed.toml")).unwrap();
+    let scene = shipped("pressed");
     let plan = scene.plan().unwrap();
     let ends: Vec<Summary> = [1e-9, 1e-11]
         .iter()
@@ -241,10 +222,9 @@ fn a_hull_of_many_corners_lands_flat_and_rests() {
     }
     let file = std::env::temp_dir().join(format!("prism-{}.stl", std::process::id()));
     std::fs::write(&file, text + "endsolid s\n").unwrap();
-    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let mut sim = over(body(&format!(r#"<mesh filename="{}"/>"#, file.display())), floor, 0.0);
+    let mut sim = over(body(&format!(r#"<mesh filename="{}"/>"#, file.display())), level(), 0.0);
     std::fs::remove_file(&file).unwrap();
-    sim.gravity = Vector3::new(0.0, 0.0, -G);
+    sim.gravity = DOWN;
     let height = 0.05;
     let run = sim.run(&[0.0, 0.0, 0.125 + height, 0.0, 0.0, 0.0, 1.0], &[0.0; 6], 0.5).unwrap();
     let hit = run.events.first().unwrap();
@@ -258,8 +238,7 @@ fn a_hull_of_many_corners_lands_flat_and_rests() {
 
 /// Number of time steps in a run of a scene of the repository from this state.
 fn time_steps(scene: &str, q: &[f64], qd: &[f64], duration: f64) -> usize {
-    let path = format!("{}/../../scenes/{scene}.toml", env!("CARGO_MANIFEST_DIR"));
-    let simulation = Scene::from_file(path).unwrap().plan().unwrap().simulation;
+    let simulation = shipped(scene).plan().unwrap().simulation;
     simulation.run(q, qd, duration).unwrap().summary.statistics.contact_steps
 }
 

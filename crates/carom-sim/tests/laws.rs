@@ -1,19 +1,15 @@
 //! Laws as values: a user's own law in a scene, and the tangential restitution in scene files.
 
-use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
 use carom_impact::{
     ChatterjeeRuina, Coefficients, Energetic, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law,
     Newton,
 };
 use carom_sim::{
     ChainImpact, ContactLaw, ContactRule, Event, EventKind, Impacts, Moment, Scene, SimError, Simulation, States,
-    Surface, Touch,
 };
+use carom_testing::build::{Part, Z, brick, chain};
+use carom_testing::scenes::{on_floor, shipped, with_robots};
 use nalgebra::Vector3;
-
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 /// Newton's law with a restitution that decreases with the approach speed.
 struct Slowing;
@@ -61,10 +57,6 @@ fn far(a: &ChainImpact, b: &ChainImpact) -> f64 {
     apart.fold((a.impulse - b.impulse).norm(), f64::max)
 }
 
-fn scene(file: &str) -> Scene {
-    Scene::from_file(format!("{ROOT}/scenes/{file}")).unwrap()
-}
-
 /// The scene with one law at all contacts with surfaces.
 fn under(mut scene: Scene, law: ContactLaw) -> Scene {
     for touch in scene.simulation.touches.iter_mut().filter(|touch| touch.link().is_some()) {
@@ -75,8 +67,8 @@ fn under(mut scene: Scene, law: ContactLaw) -> Scene {
 
 #[test]
 fn impacts_of_a_scene_with_a_users_law_are_those_of_the_law() {
-    for (file, least) in [("planar2.toml", 1), ("planar3.toml", 3), ("strike7.toml", 1), ("ball.toml", 1)] {
-        let plan = under(scene(file), ContactLaw::new(Slowing, 0.5, 0.2)).plan().unwrap();
+    for (file, least) in [("planar2", 1), ("planar3", 3), ("strike7", 1), ("ball", 1)] {
+        let plan = under(shipped(file), ContactLaw::new(Slowing, 0.5, 0.2)).plan().unwrap();
         let run = plan.simulation.run(&plan.q, &plan.qd, 0.8).unwrap();
         let pairs = beside(&plan.simulation, &run.events, &Slowing);
         assert!(pairs.len() >= least, "{file}: {} impacts", pairs.len());
@@ -119,8 +111,8 @@ fn a_users_law_that_leaves_the_contact_approaching_is_refused() {
     let leaves = |error: &SimError| matches!(error, SimError::Impact(ImpactError::Outcome { law: "weak", check, .. }) if check.contains("approaching"));
     for (share, by_hand) in [(0.0, false), (0.5, false), (0.0, true), (0.9, true)] {
         let law = || Weak { share, by_hand };
-        for file in ["planar2.toml", "ball.toml"] {
-            let plan = under(scene(file), ContactLaw::new(law(), 0.0, 0.0)).plan().unwrap();
+        for file in ["planar2", "ball"] {
+            let plan = under(shipped(file), ContactLaw::new(law(), 0.0, 0.0)).plan().unwrap();
             let error = plan.simulation.run(&plan.q, &plan.qd, 0.8).unwrap_err();
             assert!(leaves(&error), "{file}: {error:?}");
         }
@@ -147,7 +139,7 @@ fn a_users_law_that_leaves_the_contact_approaching_is_refused() {
 #[test]
 fn the_plan_names_a_users_law_and_its_friction_is_not_left_out() {
     let made = |law: ContactLaw| {
-        let mut scene = under(scene("planar2.toml"), law);
+        let mut scene = under(shipped("planar2"), law);
         scene.simulation.neglect = Some(0.99);
         let plan = scene.plan().unwrap();
         let run = plan.simulation.run(&plan.q, &plan.qd, 0.5).unwrap();
@@ -172,16 +164,7 @@ fn the_plan_names_a_users_law_and_its_friction_is_not_left_out() {
 
 /// A box on a vertical guide: all its corners strike the floor at the same time.
 fn guided_box(contact: ContactRule) -> Simulation {
-    let text = r#"<robot name="guide"><link name="world"/><link name="box">
-        <inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
-        <collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
-        <joint name="slide" type="prismatic"><parent link="world"/><child link="box"/><axis xyz="0 0 1"/>
-        <limit lower="-9" upper="9" effort="0" velocity="0"/></joint></robot>"#;
-    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
-    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let floor = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
-    let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
-    Simulation { gravity: Vector3::new(0.0, 0.0, -9.81), ..Simulation::new(chain, touches) }
+    on_floor(chain(&[Part::slider("box", "base", Z).weighing(2.0, [1.0; 3]).shaped(&brick([0.2; 3]))]), contact)
 }
 
 #[test]
@@ -248,18 +231,14 @@ fn rules_are_compared_shown_and_checked_by_value() {
 }
 
 /// The scene of a two-link arm that strikes a wall obliquely, with other text in `[[surface]]` and after it.
-fn written(name: &str, surface: &str, rest: &str) -> Result<Scene, String> {
-    let file = std::env::temp_dir().join(format!("carom-laws-{name}-{}.toml", std::process::id()));
+fn written(surface: &str, rest: &str) -> Result<Scene, String> {
     let text = format!(
-        "[robot]\nurdf = \"{ROOT}/robots/planar2.urdf\"\nq = [0.7854, -1.5708]\n\
+        "[robot]\nurdf = \"planar2.urdf\"\nq = [0.7854, -1.5708]\n\
          tip_velocity = {{ speed = 0.2, angle_deg = 45, along = [0, -1, 0] }}\n\
          [[surface]]\nname = \"wall\"\nshape = {{ halfspace = {{ point = [0.6364, 0, 0], normal = [-1, 0, 0] }} }}\n\
          {surface}\n{rest}\n[run]\nduration = 0.1\n"
     );
-    std::fs::write(&file, text).unwrap();
-    let read = Scene::from_file(&file).map_err(|e| e.to_string().replace(&file.display().to_string(), "FILE"));
-    std::fs::remove_file(file).unwrap();
-    read
+    with_robots(&text).map_err(|why| why.to_string())
 }
 
 #[test]
@@ -288,7 +267,7 @@ fn the_tangential_restitution_of_a_scene_is_that_of_the_law_alone() {
     ];
     let mut impulses = Vec::new();
     for (name, surface, rest, expected) in cases {
-        let scene = written(name, &surface, &rest).unwrap();
+        let scene = written(&surface, &rest).unwrap();
         assert!(scene.warnings.is_empty(), "{name}: {:?}", scene.warnings);
         let plan = scene.plan().unwrap();
         if name == "contact" {
@@ -311,45 +290,45 @@ fn the_tangential_restitution_of_a_scene_is_that_of_the_law_alone() {
 
 #[test]
 fn invalid_laws_and_coefficients_of_scene_files_are_refused_with_key_value_and_rule() {
-    let said = |name: &str, surface: &str, rest: &str| written(name, surface, rest).unwrap_err();
     let rule = "a coefficient of tangential restitution lies between -1 and 1";
-    assert_eq!(
-        said("a", "", "[contact]\ntangential_restitution = 1.5"),
-        format!("FILE: [contact]: tangential_restitution is 1.5: {rule}")
-    );
-    assert_eq!(
-        said("b", "contact = { tangential_restitution = -2 }", ""),
-        format!("FILE: [[surface]] 'wall': tangential_restitution is -2: {rule}")
-    );
-    assert_eq!(
-        said("c", "", "[[contact.pair]]\nlink = \"tip\"\ntangential_restitution = nan"),
-        format!("FILE: [[contact.pair]] tip on wall: tangential_restitution is NaN: {rule}")
-    );
-    assert_eq!(
-        said("d", "", "[[contact.pair]]\njoint = \"elbow\"\ntangential_restitution = 0.1"),
-        "FILE: [[contact.pair]] has joint: joint limits have restitution, latch and relative_stiffness only, remove law, \
-         tangential_restitution, friction and compliance"
-    );
-    let misspelt = said("e", "", "[contact]\ntangental_restitution = 0.1");
-    assert!(misspelt.ends_with("did you mean `tangential_restitution`?"), "{misspelt}");
-    let laws = LAW_NAMES.join(", ");
-    for (name, surface, rest, place) in [
-        ("f", "", "[contact]\nlaw = \"hertz\"", "[contact]"),
-        ("g", "contact = { law = \"hertz\" }", "", "[[surface]] 'wall': contact"),
-        ("h", "", "[[contact.pair]]\nlink = \"tip\"\nlaw = \"hertz\"", "[[contact.pair]]"),
+    let laws = format!("law = \"hertz\": the laws are {}", LAW_NAMES.join(", "));
+    for (surface, rest, expected) in [
+        ("", "[contact]\ntangential_restitution = 1.5", format!("[contact]: tangential_restitution is 1.5: {rule}")),
+        (
+            "contact = { tangential_restitution = -2 }",
+            "",
+            format!("[[surface]] 'wall': tangential_restitution is -2: {rule}"),
+        ),
+        (
+            "",
+            "[[contact.pair]]\nlink = \"tip\"\ntangential_restitution = nan",
+            format!("[[contact.pair]] tip on wall: tangential_restitution is NaN: {rule}"),
+        ),
+        (
+            "",
+            "[[contact.pair]]\njoint = \"elbow\"\ntangential_restitution = 0.1",
+            "[[contact.pair]] has joint: joint limits have restitution, latch and relative_stiffness only, remove law, \
+             tangential_restitution, friction and compliance"
+                .to_owned(),
+        ),
+        ("", "[contact]\nlaw = \"hertz\"", format!("[contact] {laws}")),
+        ("contact = { law = \"hertz\" }", "", format!("[[surface]] 'wall': contact {laws}")),
+        ("", "[[contact.pair]]\nlink = \"tip\"\nlaw = \"hertz\"", format!("[[contact.pair]] {laws}")),
     ] {
-        assert_eq!(said(name, surface, rest), format!("FILE: {place} law = \"hertz\": the laws are {laws}"));
+        assert_eq!(written(surface, rest).unwrap_err(), format!("<scene>: {expected}"));
     }
+    let misspelt = written("", "[contact]\ntangental_restitution = 0.1").unwrap_err();
+    assert!(misspelt.ends_with("did you mean `tangential_restitution`?"), "{misspelt}");
 }
 
 #[test]
 fn a_tangential_restitution_that_no_law_uses_is_a_warning() {
-    let warns = |name: &str, surface: &str, rest: &str| written(name, surface, rest).unwrap().warnings;
+    let warns = |surface: &str, rest: &str| written(surface, rest).unwrap().warnings;
     let text = "tangential_restitution: only the law \"chatterjee-ruina\" uses it, and no contact of this scene has it";
-    assert_eq!(warns("w1", "", "[contact]\nlaw = \"newton\"\ntangential_restitution = 0.1"), [text]);
-    assert_eq!(warns("w2", "contact = { tangential_restitution = 0.1 }", ""), [text]);
-    assert_eq!(warns("w3", "", "[[contact.pair]]\nlink = \"tip\"\ntangential_restitution = 0.1"), [text]);
+    assert_eq!(warns("", "[contact]\nlaw = \"newton\"\ntangential_restitution = 0.1"), [text]);
+    assert_eq!(warns("contact = { tangential_restitution = 0.1 }", ""), [text]);
+    assert_eq!(warns("", "[[contact.pair]]\nlink = \"tip\"\ntangential_restitution = 0.1"), [text]);
     let zero = "contact = { law = \"chatterjee-ruina\", tangential_restitution = 0 }";
-    assert!(warns("w5", zero, "[contact]\ntangential_restitution = 0.1").is_empty());
-    assert!(warns("w4", "", "[contact]\nlaw = \"newton\"\ntangential_restitution = 0").is_empty());
+    assert!(warns(zero, "[contact]\ntangential_restitution = 0.1").is_empty());
+    assert!(warns("", "[contact]\nlaw = \"newton\"\ntangential_restitution = 0").is_empty());
 }

@@ -1,13 +1,14 @@
 //! Surfaces that move: harmonic motion, tables of velocities, belts and turntables.
 
 use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use carom_impact::Newton;
 use carom_sim::{
     Belt, ContactLaw, ContactRule, Oscillation, Profile, Sampling, Seen, SimError, Simulation, Surface, SurfaceMotion,
     Touch,
 };
+use carom_testing::build::{X, Y, Z, along, ball};
+use carom_testing::scenes::{G, among, level as ground, surface};
 use nalgebra::Vector3;
 
 /// s + ω⁻² s̈ = 0, and ṡ² + ω² s² = (amplitude · ω)² in each direction.
@@ -32,35 +33,13 @@ fn an_oscillation_solves_the_equation_of_a_harmonic_oscillator() {
 }
 
 /// A body that moves along the axes without turning, with a ball of 5 cm about its centre; mass 2 kg.
-fn glider(axes: &[&str]) -> Chain {
-    let inertial = "<inertial><mass value='2'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>";
-    let mut text = "<robot name='glider'><link name='l0'/>".to_owned();
-    for (k, axis) in axes.iter().enumerate() {
-        let own = match k + 1 == axes.len() {
-            true => format!("{inertial}<collision><geometry><sphere radius='0.05'/></geometry></collision>"),
-            false => String::new(),
-        };
-        text += &format!(
-            "<link name='l{}'>{own}</link><joint name='j{k}' type='prismatic'><parent link='l{k}'/><child link='l{0}'/>
-             <axis xyz='{axis}'/><limit lower='-100' upper='100' effort='0' velocity='0'/></joint>",
-            k + 1
-        );
-    }
-    Chain::from_urdf_str(&(text + "</robot>"), &LoadOptions::default()).unwrap()
+fn glider(axes: &[[f64; 3]]) -> Chain {
+    along(axes, 2.0, [1.0; 3], &ball(0.05))
 }
-
-const G: f64 = 9.81;
 
 fn on(chain: Chain, obstacle: Obstacle, law: impl Into<ContactLaw>, motion: SurfaceMotion) -> Simulation {
-    let contact = ContactRule::new(law);
-    let surface = Surface { name: "ground".into(), obstacle, contact, motion: Some(motion) };
-    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
-    let touches = touches.into_iter().filter(|touch| touch.link().is_some()).collect();
-    Simulation { tolerance: 1e-11, gravity: Vector3::new(0.0, 0.0, -G), ..Simulation::new(chain, touches) }
-}
-
-fn ground() -> Obstacle {
-    Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap()
+    let ground = Surface { motion: Some(motion), ..surface("ground", obstacle, ContactRule::new(law)) };
+    Simulation { tolerance: 1e-11, ..among(chain, &[ground]) }
 }
 
 fn belt(velocity: Profile<6>) -> SurfaceMotion {
@@ -72,7 +51,7 @@ fn belt(velocity: Profile<6>) -> SurfaceMotion {
 fn a_body_on_a_belt_slips_for_v_over_mu_g() {
     let (v, mu) = (0.6, 0.25);
     let along = belt(Profile::constant([v, 0.0, 0.3, 0.0, 0.0, 0.0])); // the part normal to the ground is ignored
-    let sim = on(glider(&["1 0 0", "0 1 0", "0 0 1"]), ground(), Newton { restitution: 0.0, friction: mu }, along);
+    let sim = on(glider(&[X, Y, Z]), ground(), Newton { restitution: 0.0, friction: mu }, along);
     let run = sim.run(&[0.0, 0.0, 0.05], &[0.0; 3], 1.0).unwrap();
     let slip = v / (mu * G);
     let stick = run.events.iter().find(|event| event.kind.name() == "sticking").unwrap();
@@ -92,7 +71,7 @@ fn a_body_on_a_turntable_follows_it_until_friction_is_spent() {
     let (mu, r, rate) = (0.5, 0.4, 2.0);
     let table =
         Profile::new(&[0.0, 1.0, 1.25, 9.0], &[spin(1.0), spin(2.0), spin(2.0), spin(2.0 + rate * 7.75)]).unwrap();
-    let chain = glider(&["1 0 0", "0 1 0", "0 0 1"]);
+    let chain = glider(&[X, Y, Z]);
     let sim = on(chain, ground(), Newton { restitution: 0.0, friction: mu }, belt(table));
     // The centre is (0.1, −0.2).
     let run = sim.run(&[0.1 + r, -0.2, 0.05], &[0.0, r, 0.0], 3.0).unwrap();
@@ -111,7 +90,7 @@ fn a_wall_with_a_table_of_velocities_hits_a_body_at_rest() {
     let (d, a) = (0.2, 1.6);
     let motion = SurfaceMotion::Translation(Profile::new(&[0.0, 10.0], &[[0.0; 3], [10.0 * a, 0.0, 0.0]]).unwrap());
     let wall = Obstacle::half_space(Vector3::new(-d - 0.05, 0.0, 0.0), Vector3::x()).unwrap();
-    let mut sim = on(glider(&["1 0 0"]), wall, Newton { restitution: 1.0, friction: 0.0 }, motion);
+    let mut sim = on(glider(&[X]), wall, Newton { restitution: 1.0, friction: 0.0 }, motion);
     sim.gravity = Vector3::zeros();
     let run = sim.run(&[0.0], &[0.0], 1.0).unwrap();
     let time = (2.0 * d / a).sqrt();
@@ -128,7 +107,7 @@ fn the_force_on_a_lift_jumps_with_its_acceleration() {
     let law = Newton { restitution: 0.0, friction: 0.0 };
     for obstacle in [lift, ground()] {
         let height = if matches!(obstacle.surface(), carom_contact::Surface::HalfSpace { .. }) { 0.05 } else { 0.2 };
-        let sim = on(glider(&["0 0 1"]), obstacle, law, motion.clone());
+        let sim = on(glider(&[Z]), obstacle, law, motion.clone());
         let mut forces = Vec::new();
         let sampling = Sampling { every: Some(0.0125), dense: false };
         sim.stream(&[height], &[0.0], 0.8, sampling, &mut |seen| {
@@ -166,7 +145,7 @@ fn a_body_that_is_squeezed_is_refused() {
         motion,
     };
     for start in [0.0, 99.9] {
-        let chain = glider(&["1 0 0"]);
+        let chain = glider(&[X]);
         let surfaces = [wall(start - 0.1, 1.0, Some(motion.clone())), wall(0.15, -1.0, None)];
         let count = if start == 0.0 { 2 } else { 1 };
         let touches = Touch::all(&chain, &surfaces[..count], 0.0).unwrap().touches;

@@ -1,48 +1,24 @@
 //! Motions that the laws leave open are flagged, those that are unique are not.
 
 use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
-use carom_impact::{Flags, Newton};
-use carom_sim::{
-    ContactRule, ContactState, EventKind, NonUnique, Sampling, Seen, Simulation, Surface, Touch, Trajectory,
-};
+use carom_impact::Flags;
+use carom_sim::{ContactState, EventKind, NonUnique, Sampling, Seen, Simulation, Trajectory};
+use carom_testing::build::{O, ball, floating_box, in_plane, shape};
+use carom_testing::scenes::{G, among_planes, newton};
 use nalgebra::{Matrix4, Vector3};
 
-const G: f64 = 9.81;
 const MU: f64 = 0.3;
 /// Half the edges of the box, m, and its mass, kg.
 const HALF: [f64; 3] = [0.2, 0.15, 0.1];
 const MASS: f64 = 2.0;
 
 fn a_box() -> Chain {
-    let [x, y, z] = HALF.map(|half| 2.0 * half);
-    let inertia = |a: f64, b: f64| MASS * (a * a + b * b) / 12.0;
-    let text = format!(
-        r#"<robot name="box"><link name="box"><inertial><mass value="{MASS}"/>
-        <inertia ixx="{}" ixy="0" ixz="0" iyy="{}" iyz="0" izz="{}"/></inertial>
-        <collision><geometry><box size="{x} {y} {z}"/></geometry></collision></link></robot>"#,
-        inertia(y, z),
-        inertia(x, z),
-        inertia(x, y)
-    );
-    Chain::from_urdf_str(&text, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap()
-}
-
-fn rule(friction: f64) -> ContactRule {
-    ContactRule::new(Newton { restitution: 0.0, friction })
+    floating_box(HALF.map(|half| 2.0 * half), MASS)
 }
 
 /// A chain among half-spaces, each with a point and a normal.
 fn simulation(chain: Chain, planes: &[[Vector3<f64>; 2]], friction: f64) -> Simulation {
-    let surface = |(k, [point, normal]): (usize, &[Vector3<f64>; 2])| {
-        let obstacle = Obstacle::half_space(*point, *normal).unwrap();
-        Surface { name: format!("plane {k}"), obstacle, contact: rule(friction), motion: None }
-    };
-    let surfaces: Vec<Surface> = planes.iter().enumerate().map(surface).collect();
-    let touches = Touch::all(&chain, &surfaces, 0.0).unwrap().touches;
-    let touches = touches.into_iter().filter(|touch| touch.link().is_some()).collect();
-    Simulation { gravity: Vector3::new(0.0, 0.0, -G), tolerance: 1e-11, ..Simulation::new(chain, touches) }
+    among_planes(chain, planes, &newton(0.0, friction))
 }
 
 const FLOOR: [Vector3<f64>; 2] = [Vector3::new(0.0, 0.0, 0.0), Vector3::new(0.0, 0.0, 1.0)];
@@ -100,14 +76,14 @@ fn a_box_on_corners_with_different_friction_is_flagged_and_follows_the_conventio
     let (_, told) = seen(&sim, &lying(), &[1e-3, 0.0, 0.0, 0.0, 0.0, 0.0], 1e-6);
     let corners: Vec<(usize, Vector3<f64>)> = told[..4].iter().map(|state| (state.touch, state.point)).collect();
     for (touch, point) in &corners {
-        sim.touches[*touch].contact = rule(if point.y > 0.0 { 0.2 } else { 0.5 });
+        sim.touches[*touch].contact = newton(0.0, if point.y > 0.0 { 0.2 } else { 0.5 });
     }
     let (reasons, told) = seen(&sim, &lying(), &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1e-6);
     assert!(reasons.is_empty(), "{reasons:?}");
     assert_eq!(told[..4].iter().filter(|state| state.flags.contains(Flags::NON_UNIQUE)).count(), 0);
     let mus = [0.5, 0.2, 0.2, 0.2];
     for ((touch, _), mu) in corners.iter().zip(&mus) {
-        sim.touches[*touch].contact = rule(*mu);
+        sim.touches[*touch].contact = newton(0.0, *mu);
     }
     let (v, duration) = (1.0, 1e-4);
     let qd = [v, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -188,16 +164,7 @@ fn an_unloaded_wedge_is_flagged() {
 #[test]
 fn painleves_indeterminate_rod_is_flagged() {
     let l = 0.5;
-    let text = r#"<robot name="rod"><link name="world"/><link name="a"/><link name="b"/>
-        <link name="rod"><inertial><mass value="1"/>
-          <inertia ixx="0.0833333333333333" ixy="0" ixz="0" iyy="0.0833333333333333" iyz="0" izz="0.0833333333333333"/></inertial>
-          <collision><origin xyz="0.5 0 0"/><geometry><sphere radius="1e-9"/></geometry></collision></link>
-        <joint name="x" type="prismatic"><parent link="world"/><child link="a"/><axis xyz="1 0 0"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="z" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="turn" type="continuous"><parent link="b"/><child link="rod"/><axis xyz="0 1 0"/></joint></robot>"#;
-    let chain = || Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
+    let rod = || in_plane(1.0, 0.0833333333333333, &shape(&ball(1e-9), [0.5, 0.0, 0.0], O));
     let phi = 2.0_f64.atan();
     let (sin, cos) = phi.sin_cos();
     let q = [0.0, l * sin + 1e-9, phi];
@@ -206,7 +173,7 @@ fn painleves_indeterminate_rod_is_flagged() {
         let k = 1.0 + 3.0 * cos * cos - 3.0 * mu * sin * cos;
         let lifts = -G + spin * spin * l * sin > 0.0;
         assert_eq!(open, k < 0.0 && lifts);
-        let (reasons, _) = seen(&simulation(chain(), &[FLOOR], mu), &q, &qd, 1e-3);
+        let (reasons, _) = seen(&simulation(rod(), &[FLOOR], mu), &q, &qd, 1e-3);
         let expected = if open { vec![(0.0, NonUnique::Modes, 1)] } else { Vec::new() };
         assert_eq!(reasons, expected, "μ {mu}, ω {spin}");
     }

@@ -1,6 +1,6 @@
 //! Cylinders and capsules as surfaces of a scene: a smooth ball bounces off them as off the sphere or line that is nearest to it.
 
-use carom_sim::Scene;
+use carom_testing::scenes::with_robots;
 use nalgebra::Vector3;
 use std::f64::consts::FRAC_PI_2;
 
@@ -16,7 +16,7 @@ fn bounce(shape: &str, x: f64, y: f64) -> Option<(f64, Vector3<f64>)> {
          [[surface]]\nshape = {{ {shape} }}\n[contact]\nlaw = \"newton\"\nrestitution = {RESTITUTION}\nfriction = 0\n\
          [run]\nduration = 1.2\ngravity = [0, 0, 0]\ntolerance = 1e-11\n"
     );
-    let scene = Scene::from_toml(&text, concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots")).unwrap();
+    let scene = with_robots(&text).unwrap();
     let run = scene.plan().unwrap().run(scene.duration).unwrap();
     let hit = run.events.iter().find(|event| event.kind.name() == "impact")?;
     Some((hit.time, Vector3::from_column_slice(&hit.qd_plus[..3])))

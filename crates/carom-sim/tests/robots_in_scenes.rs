@@ -2,26 +2,18 @@
 //! wall on its way.
 
 use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
-use carom_impact::Newton;
-use carom_sim::{
-    ContactRule, Drive, Load, Profile, Reference, Scene, Simulation, Surface, Touch, Tracking, Wrench, WrenchAxes,
-};
+use carom_sim::{Drive, Load, Profile, Reference, Simulation, Surface, Touch, Tracking, Wrench, WrenchAxes};
+use carom_testing::files::robot_with;
+use carom_testing::scenes::{G, half_space, newton, on_floor, shipped, surface};
 use nalgebra::Vector3;
 
-const G: f64 = 9.81;
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-
-fn scene(name: &str) -> Scene {
-    Scene::from_file(format!("{ROOT}/scenes/{name}.toml")).unwrap()
-}
 
 /// Dropped under PD it lands on its feet and stands: the forces of the floor carry its weight, the joints bear what statics asks of
 /// their motors, kp (target − q) = g − Jᵀf, the base has no motor, and nothing moves.
 #[test]
 fn a_quadruped_under_pd_lands_on_its_feet_and_stands() {
-    let scene = scene("quadruped");
+    let scene = shipped("quadruped");
     let plan = scene.plan().unwrap();
     let run = plan.run(scene.duration).unwrap();
     let (sim, last) = (&plan.simulation, &run.summary.last);
@@ -58,7 +50,7 @@ fn a_quadruped_under_pd_lands_on_its_feet_and_stands() {
 /// The four corners slide with unequal loads, but together with μ m g: v/(μ g) until the box is carried.
 #[test]
 fn a_box_rides_a_conveyor() {
-    let scene = scene("conveyor");
+    let scene = shipped("conveyor");
     let plan = scene.plan().unwrap();
     let run = plan.run(scene.duration).unwrap();
     let slip = 0.5 / (0.3 * G);
@@ -75,15 +67,9 @@ fn a_box_rides_a_conveyor() {
 
 /// A homogeneous box, 0.12 × 0.08 × 0.05 m, on rough ground under a torque about y.
 fn tipped(load: Load) -> Simulation {
-    let options = LoadOptions { floating_base: true, ..LoadOptions::default() };
-    let chain = Chain::from_urdf_file_with(format!("{ROOT}/robots/box.urdf"), &options).unwrap();
-    let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let contact = ContactRule::new(Newton { restitution: 0.0, friction: 5.0 });
-    let surface = Surface { name: "ground".into(), obstacle, contact, motion: None };
-    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
+    let tipped = on_floor(robot_with("box", true), newton(0.0, 5.0));
     let wrench = Wrench { link: "box".into(), point: Vector3::zeros(), axes: WrenchAxes::World, load };
-    let gravity = Vector3::new(0.0, 0.0, -G);
-    Simulation { gravity, wrenches: vec![wrench], tolerance: 1e-10, ..Simulation::new(chain, touches) }
+    Simulation { wrenches: vec![wrench], tolerance: 1e-10, ..tipped }
 }
 
 const LYING: [f64; 7] = [0.0, 0.0, 0.025, 0.0, 0.0, 0.0, 1.0];
@@ -152,9 +138,7 @@ fn a_tracking_arm_passes_an_unexpected_wall() {
     let bend = |t: f64| 0.9 - 0.25 * (1.0 - (t * std::f64::consts::TAU / 3.0).cos()) / 2.0;
     let rows: Vec<Vec<f64>> = times.iter().map(|&t| vec![bend(t), -2.0 * bend(t) + 0.05]).collect();
     let reference = Reference::new(times, &rows).unwrap();
-    let obstacle = Obstacle::half_space(Vector3::new(0.64, 0.0, 0.0), -Vector3::x()).unwrap();
-    let contact = ContactRule::new(Newton { restitution: 0.0, friction: 0.1 });
-    let wall = Surface { name: "wall".into(), obstacle, contact, motion: None };
+    let wall = surface("wall", half_space([0.64, 0.0, 0.0], -Vector3::x()), newton(0.0, 0.1));
     let run = |surfaces: &[Surface]| {
         let touches = Touch::all(&chain, surfaces, 0.0).unwrap().touches;
         let mut sim = Simulation { tolerance: 1e-10, ..Simulation::new(chain.clone(), touches) };

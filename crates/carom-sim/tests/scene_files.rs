@@ -2,22 +2,17 @@
 
 use carom_chain::ChainError;
 use carom_sim::{Drive, Scene, SimError};
+use carom_testing::files::{self, Folder};
+use carom_testing::scenes;
 use std::path::PathBuf;
 
 /// Reads a scene with the arm `planar2.urdf`.
-fn read(name: &str, text: &str) -> Result<Scene, SimError> {
-    let robots = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots");
-    let folder = std::env::temp_dir().join(format!("carom-scene-files-{name}-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    std::fs::copy(format!("{robots}/planar2.urdf"), folder.join("arm.urdf")).unwrap();
-    std::fs::write(folder.join("scene.toml"), text).unwrap();
-    let scene = Scene::from_file(folder.join("scene.toml"));
-    std::fs::remove_dir_all(&folder).unwrap();
-    scene
+fn read(text: &str) -> Result<Scene, SimError> {
+    scenes::scene(&[("arm.urdf", &files::text("robots/planar2.urdf"))], text)
 }
 
-fn rule(name: &str, text: &str) -> String {
-    match read(name, text) {
+fn rule(text: &str) -> String {
+    match read(text) {
         Err(SimError::Scene { rule, .. }) => rule,
         other => panic!("{text}\n{other:?}"),
     }
@@ -30,7 +25,7 @@ const WALL: &str = "[[surface]]\nshape = { halfspace = { point = [0.65, 0, 0], n
 #[test]
 fn the_frequency_of_a_moving_surface_is_in_hertz() {
     let motion = "motion = { amplitude = [0.02, 0, 0], frequency = 2.5, phase = 0.3 }\n";
-    let scene = read("hertz", &format!("{ARM}{WALL}{motion}[run]\nduration = 1\n")).unwrap();
+    let scene = read(&format!("{ARM}{WALL}{motion}[run]\nduration = 1\n")).unwrap();
     let motion = scene.surfaces[0].motion.as_ref().unwrap();
     let mut largest = 0.0_f64;
     for time in [0.0, 0.05, 0.1, 0.33] {
@@ -54,18 +49,18 @@ fn a_controller_without_its_keys_is_refused_by_name() {
         ("impact-invariant", "kp"),
     ] {
         for asks in ["controller", "after_impact"] {
-            let said = rule(controller, &format!("{ARM}{WALL}[run]\nduration = 1\n{asks} = \"{controller}\"\n"));
+            let said = rule(&format!("{ARM}{WALL}[run]\nduration = 1\n{asks} = \"{controller}\"\n"));
             assert_eq!(said, format!("[run] {asks} = \"{controller}\" needs the key {key}"));
         }
     }
 }
 
 /// A folder with an arm whose link `b` has the mesh `package://parts/cube.stl`, and a link `c` without mass below it.
-struct Desk(PathBuf);
+struct Desk(Folder);
 
 impl Desk {
-    fn new(name: &str) -> Self {
-        let desk = Self(std::env::temp_dir().join(format!("carom-scene-loading-{name}-{}", std::process::id())));
+    fn new() -> Self {
+        let folder = Folder::new();
         let inertial =
             "<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>";
         let mesh = "<collision><geometry><mesh filename='package://parts/cube.stl'/></geometry></collision>";
@@ -79,10 +74,9 @@ impl Desk {
             joint("j", "a", "b"),
             joint("k", "b", "c")
         );
-        std::fs::create_dir_all(desk.0.join("scenes")).unwrap();
-        std::fs::create_dir_all(desk.0.join("packages/parts")).unwrap();
-        std::fs::write(desk.0.join("r.urdf"), text).unwrap();
-        desk
+        std::fs::create_dir_all(folder.join("packages/parts")).unwrap();
+        folder.write("r.urdf", text);
+        Self(folder)
     }
 
     /// A tetrahedron, as the mesh of the package.
@@ -96,22 +90,12 @@ impl Desk {
             }
             text += "endloop\nendfacet\n";
         }
-        let file = self.0.join("packages/parts/cube.stl");
-        std::fs::write(&file, text + "endsolid s\n").unwrap();
-        file
+        self.0.write("packages/parts/cube.stl", text + "endsolid s\n")
     }
 
     fn scene(&self, robot: &str, surfaces: &str) -> Result<Scene, SimError> {
-        let file = self.0.join("scenes/scene.toml");
         let text = format!("[robot]\nurdf = \"../r.urdf\"\n{robot}\n{surfaces}\n[run]\nduration = 1\n");
-        std::fs::write(&file, text).unwrap();
-        Scene::from_file(file)
-    }
-}
-
-impl Drop for Desk {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
+        Scene::from_file(self.0.write("scenes/scene.toml", text))
     }
 }
 
@@ -119,7 +103,7 @@ const FLOOR: &str = "[[surface]]\nshape = { halfspace = { point = [0, 0, 0], nor
 
 #[test]
 fn scenes_repair_robots_and_refuse_those_without_dynamics() {
-    let desk = Desk::new("repair");
+    let desk = Desk::new();
     let error = desk.scene("q = [0, 0]", "").unwrap_err();
     assert!(matches!(&error, SimError::Chain(ChainError::Massless { links, .. }) if *links == ["'c'"]), "{error}");
     let scene = desk.scene("q = [0]\nrepair = true", "").unwrap();
@@ -130,7 +114,7 @@ fn scenes_repair_robots_and_refuse_those_without_dynamics() {
 
 #[test]
 fn missing_meshes_are_refused_only_by_scenes_that_need_them() {
-    let desk = Desk::new("meshes");
+    let desk = Desk::new();
     let robot = "q = [0]\nrepair = true";
     let chain = desk.scene(robot, "").unwrap().simulation.chain;
     assert_eq!(chain.report().warnings.len(), 1);
@@ -164,7 +148,7 @@ fn an_empty_path_is_named() {
 /// The same mesh by a path, by `file://` and by its package.
 #[test]
 fn meshes_of_surfaces_are_found_like_those_of_robots() {
-    let desk = Desk::new("surface");
+    let desk = Desk::new();
     let file = desk.write_mesh();
     let robot = "q = [0]\nrepair = true\npackage_dirs = [\"../packages\"]";
     let surface = |name: &str| format!("[[surface]]\nshape = {{ mesh = {{ file = \"{name}\" }} }}");
@@ -186,21 +170,19 @@ fn meshes_of_surfaces_are_found_like_those_of_robots() {
 /// A second pair of the same links would count their contact twice. A link paired with itself is refused for that reason.
 #[test]
 fn a_pair_of_links_that_is_listed_twice_is_refused() {
-    let said = |name: &str, links: &str| {
-        rule(name, &format!("{ARM}{WALL}[contact]\nlinks = [{links}]\n[run]\nduration = 1\n"))
-    };
+    let said = |links: &str| rule(&format!("{ARM}{WALL}[contact]\nlinks = [{links}]\n[run]\nduration = 1\n"));
     assert_eq!(
-        said("same", r#"["link1", "tip"], ["link1", "tip"]"#),
+        said(r#"["link1", "tip"], ["link1", "tip"]"#),
         r#"[contact] links = ["link1", "tip"]: the pair is listed twice, remove one"#
     );
     assert_eq!(
-        said("turned", r#"["link1", "tip"], ["link1", "link2"], ["tip", "link1"]"#),
+        said(r#"["link1", "tip"], ["link1", "link2"], ["tip", "link1"]"#),
         r#"[contact] links = ["tip", "link1"]: the pair is listed twice, remove one"#
     );
     let itself = r#"[contact] links = ["tip", "tip"]: link 'tip' is paired with itself: name two links"#;
-    assert_eq!(said("itself", r#"["tip", "tip"]"#), itself);
+    assert_eq!(said(r#"["tip", "tip"]"#), itself);
     let all = format!("{ARM}[contact]\nlinks = [[\"link1\", \"tip\"], [\"link1\", \"link2\"]]\n[run]\nduration = 1\n");
-    let touches = read("different", &all).unwrap().simulation.touches;
+    let touches = read(&all).unwrap().simulation.touches;
     let pairs: std::collections::BTreeSet<_> =
         touches.iter().filter_map(|it| Some((it.link()?, it.other_link()?))).collect();
     assert_eq!(pairs.len(), 2);
@@ -209,7 +191,7 @@ fn a_pair_of_links_that_is_listed_twice_is_refused() {
 #[test]
 fn friction_that_is_negative_or_not_finite_is_refused() {
     for (written, shown) in [("-0.1", "-0.1"), ("inf", "inf"), ("nan", "NaN")] {
-        let said = rule("friction", &format!("{ARM}{WALL}[contact]\nfriction = {written}\n[run]\nduration = 1\n"));
+        let said = rule(&format!("{ARM}{WALL}[contact]\nfriction = {written}\n[run]\nduration = 1\n"));
         assert_eq!(
             said,
             format!("[contact]: friction is {shown}: a coefficient of friction is finite and not negative")
@@ -232,7 +214,7 @@ fn the_plan_bounds_neglected_friction_as_the_run_does() {
         )
     };
     for friction in [0.0, 0.01, 0.1] {
-        let plan = read("bound", &text(friction)).unwrap().plan().unwrap();
+        let plan = read(&text(friction)).unwrap().plan().unwrap();
         let run = plan.simulation.run(&plan.q, &plan.qd, 1e-3).unwrap();
         let statistics = run.summary.statistics;
         assert_eq!((run.events.len(), run.events[0].kind.name()), (1, "impact"));
@@ -268,39 +250,38 @@ fn a_scene_from_text_is_that_of_its_file() {
 #[test]
 fn the_commonest_wrong_inputs_are_told_with_their_remedy() {
     assert_eq!(
-        rule("xml", "<?xml version=\"1.0\"?>\n<robot name=\"r\"/>"),
+        rule("<?xml version=\"1.0\"?>\n<robot name=\"r\"/>"),
         "line 1: the file is XML; give a TOML file, in which the key urdf names the robot's URDF"
     );
     assert_eq!(
-        rule("type", &format!("{ARM}[run]\nduration = \"1 s\"\n")),
+        rule(&format!("{ARM}[run]\nduration = \"1 s\"\n")),
         "line 5, duration = \"1 s\": invalid type: string \"1 s\", expected a number"
     );
     let shape = "shape = { cylinder = { radius = 1, centre = [9, 0, 0] } }";
     assert_eq!(
-        rule("key", &format!("{ARM}[[surface]]\n{shape}\n[run]\nduration = 1\n")),
+        rule(&format!("{ARM}[[surface]]\n{shape}\n[run]\nduration = 1\n")),
         format!("line 5, {shape}: missing field `length`: add it")
     );
     let gains = "kp = 10\nkd = 1\n";
     assert_eq!(
-        rule("target", &format!("{ARM}[run]\nduration = 1\ncontroller = \"pd\"\n{gains}")),
+        rule(&format!("{ARM}[run]\nduration = 1\ncontroller = \"pd\"\n{gains}")),
         "[run] controller = \"pd\" needs the key target: {} keeps the positions at the start"
     );
-    let still =
-        read("still", &format!("{ARM}[run]\nduration = 1\ncontroller = \"pd\"\n{gains}target = {{}}\n")).unwrap();
+    let still = read(&format!("{ARM}[run]\nduration = 1\ncontroller = \"pd\"\n{gains}target = {{}}\n")).unwrap();
     assert!(
         matches!(&still.simulation.drive, Drive::Pd { target, .. } if *target == still.q),
         "{:?}",
         still.simulation.drive
     );
-    let capital = rule("case", &format!("{ARM}[run]\nduration = 1\ncontroller = \"PD\"\n{gains}"));
+    let capital = rule(&format!("{ARM}[run]\nduration = 1\ncontroller = \"PD\"\n{gains}"));
     assert!(capital.contains("unknown variant `PD`") && capital.ends_with("did you mean `pd`?"), "{capital}");
     assert_eq!(
-        rule("base", "[robot]\nurdf = \"arm.urdf\"\nq = [0, 0, 1, 0, 0, 0, 1, 0, 0]\n[run]\nduration = 1\n"),
+        rule("[robot]\nurdf = \"arm.urdf\"\nq = [0, 0, 1, 0, 0, 0, 1, 0, 0]\n[run]\nduration = 1\n"),
         "[robot] q has 9 numbers, 2 are needed (shoulder, elbow); a floating base, which has seven of them, needs floating = true"
     );
     let twice = "[[robot]]\nurdf = \"arm.urdf\"\n[[robot]]\nurdf = \"arm.urdf\"\n[run]\nduration = 1\n";
-    assert_eq!(rule("names", twice), "line 1, [[robot]]: missing field `name`: add it");
-    let degrees = read("degrees", "[robot]\nurdf = \"arm.urdf\"\nq = [45, -90]\n[run]\nduration = 1\n").unwrap();
+    assert_eq!(rule(twice), "line 1, [[robot]]: missing field `name`: add it");
+    let degrees = read("[robot]\nurdf = \"arm.urdf\"\nq = [45, -90]\n[run]\nduration = 1\n").unwrap();
     let said = degrees.plan().and_then(|plan| plan.run(1.0)).unwrap_err().to_string();
     assert_eq!(
         said,
@@ -314,7 +295,7 @@ fn the_commonest_wrong_inputs_are_told_with_their_remedy() {
 fn motions_beyond_the_digits_of_numbers_are_refused_with_the_reason() {
     let scene = |torque: &str, rest: &str| {
         let text = format!("{ARM}[run]\nduration = 5\ncontroller = \"constant\"\ntorque = [{torque}, 0]\n{rest}");
-        read("digits", &text).and_then(|scene| scene.plan()?.run(scene.duration).map(|_| ())).unwrap_err().to_string()
+        read(&text).and_then(|scene| scene.plan()?.run(scene.duration).map(|_| ())).unwrap_err().to_string()
     };
     let fast = scene("1e160", "");
     assert!(fast.contains("shorter than the rounding of the time") && fast.contains("Check the units"), "{fast}");

@@ -1,43 +1,20 @@
 //! Simulations as objects that a control loop drives.
 
-use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
-use carom_impact::Newton;
-use carom_sim::{
-    ContactRule, EventKind, Moment, Sampling, Scene, Seen, Session, Simulation, StopReason, Surface, Touch,
-};
-use nalgebra::Vector3;
-
-const G: f64 = 9.81;
-
-fn scene(name: &str) -> Scene {
-    Scene::from_file(format!("{}/../../scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap()
-}
+use carom_sim::{EventKind, Moment, Sampling, Seen, Session, Simulation, StopReason};
+use carom_testing::build::{self, X, Z, along};
+use carom_testing::scenes::{G, newton, on_floor, shipped};
 
 /// A ball of 2 kg and 5 cm that moves along x and z above the ground, without turning.
 fn ball(restitution: f64, friction: f64) -> Simulation {
-    let inertial = "<inertial><mass value='2'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>";
-    let limit = "<limit lower='-100' upper='100' effort='0' velocity='0'/>";
-    let text = format!(
-        "<robot name='ball'><link name='world'/><link name='rail'/><link name='ball'>{inertial}
-         <collision><geometry><sphere radius='0.05'/></geometry></collision></link>
-         <joint name='x' type='prismatic'><parent link='world'/><child link='rail'/><axis xyz='1 0 0'/>{limit}</joint>
-         <joint name='z' type='prismatic'><parent link='rail'/><child link='ball'/><axis xyz='0 0 1'/>{limit}</joint></robot>"
-    );
-    let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
-    let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let contact = ContactRule::new(Newton { restitution, friction });
-    let surface = Surface { name: "ground".into(), obstacle, contact, motion: None };
-    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
-    Simulation { tolerance: 1e-11, gravity: Vector3::new(0.0, 0.0, -G), ..Simulation::new(chain, touches) }
+    let ball = along(&[X, Z], 2.0, [1.0; 3], &build::ball(0.05));
+    Simulation { tolerance: 1e-11, ..on_floor(ball, newton(restitution, friction)) }
 }
 
 /// A run in pieces has the events, the end and the energies of the run in one piece.
 #[test]
 fn a_run_in_pieces_is_the_whole_run() {
     for name in ["planar2", "bounce", "box"] {
-        let scene = scene(name);
+        let scene = shipped(name);
         let plan = scene.plan().unwrap();
         let duration = scene.duration.min(0.6);
         let whole = plan.run(duration).unwrap();
@@ -103,7 +80,7 @@ fn to(session: &mut Session, time: f64) {
 /// From a saved state the motion is repeated bit for bit, in this session and in another one.
 #[test]
 fn a_restored_session_repeats_its_motion() {
-    let plan = scene("planar2").plan().unwrap();
+    let plan = shipped("planar2").plan().unwrap();
     let mut session = plan.start().unwrap();
     to(&mut session, 0.2);
     let saved = session.save();
@@ -122,7 +99,7 @@ fn a_restored_session_repeats_its_motion() {
         ball(0.0, 0.0)
             .start(&[0.0, 1.0], &[0.0, 0.0])
             .unwrap()
-            .restore(&scene("box").plan().unwrap().start().unwrap().save())
+            .restore(&shipped("box").plan().unwrap().start().unwrap().save())
             .is_err()
     );
 }

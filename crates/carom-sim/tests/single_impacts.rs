@@ -1,29 +1,19 @@
 //! Single impacts of a chain.
 
 use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
 use carom_impact::{
     Brach, ChatterjeeRuina, Energetic, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Mode, Newton,
     Poisson, Smith, Whittaker,
 };
 use carom_sim::{ChainImpact, Impacts, JointModel};
+use carom_testing::build::{Part, X, Y, Z, chain};
 use nalgebra::{DVector, Vector3};
 
 /// A uniform rod of 1 kg and 1 m that moves in the x–z plane: q = (x, z, angle about y). The frame `end` is at one end.
 fn rod() -> Chain {
-    let inertia = 1.0 / 12.0;
-    let text = format!(
-        r#"<robot name="rod"><link name="world"/><link name="a"/><link name="b"/><link name="end"/>
-        <link name="rod"><inertial><mass value="1"/>
-          <inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/></inertial></link>
-        <joint name="x" type="prismatic"><parent link="world"/><child link="a"/><axis xyz="1 0 0"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="z" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="turn" type="continuous"><parent link="b"/><child link="rod"/><axis xyz="0 1 0"/></joint>
-        <joint name="weld" type="fixed"><parent link="rod"/><child link="end"/><origin xyz="-0.5 0 0"/></joint></robot>"#
-    );
-    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+    let end = Part::new("end", "rod", "fixed", Z, [-0.5, 0.0, 0.0]).massless();
+    let rod = Part::hinge("rod", "b", Y).weighing(1.0, [1.0 / 12.0; 3]);
+    chain(&[Part::slider("a", "base", X).massless(), Part::slider("b", "a", Z).massless(), rod, end])
 }
 
 /// Painlevé's rod at 60°, whose lower end slides at 1 m/s in the direction that jams, with μ = 1.5: besides the motion without
@@ -231,27 +221,20 @@ fn planar_robot(rng: &mut fastrand::Rng) -> Chain {
     let mut draw = |low: f64, high: f64| low + (high - low) * rng.f64();
     let (roll, pitch) = (draw(-1.0, 1.0), draw(-1.0, 1.0));
     let joints = draw(2.0, 6.99) as usize;
-    let mut urdf = format!(
-        "<robot name='planar'><link name='world'/><link name='base'/><joint name='turned' type='fixed'>\
-         <parent link='world'/><child link='base'/><origin xyz='0.3 -0.2 0.5' rpy='{roll} {pitch} 0'/></joint>"
-    );
-    let mut parent = "base".to_owned();
+    let turned = Part::new("turned", "base", "fixed", Z, [0.3, -0.2, 0.5]).turned([roll, pitch, 0.0]).massless();
+    let mut parts = vec![turned];
+    let mut parent = "turned".to_owned();
     for k in 0..joints {
         let child = if k + 1 == joints { "tip".to_owned() } else { format!("link{k}") };
         let slides = k > 0 && draw(0.0, 1.0) < 0.25;
         let (kind, axis) =
-            if slides { ("prismatic", "1 0 0") } else { ("continuous", if k % 2 == 0 { "0 1 0" } else { "0 -1 0" }) };
-        let limit = if slides { "<limit lower='-9' upper='9' effort='1' velocity='1'/>" } else { "" };
+            if slides { ("prismatic", X) } else { ("continuous", if k % 2 == 0 { Y } else { [0.0, -1.0, 0.0] }) };
         let [x, y, z, angle, mass, i] =
             [draw(0.2, 1.0), draw(-0.2, 0.2), draw(-0.5, 0.5), draw(-1.0, 1.0), draw(0.2, 3.0), draw(0.01, 0.2)];
         let [a, b, c] = [draw(-0.3, 0.3), draw(-0.1, 0.1), draw(-0.3, 0.3)];
-        urdf += &format!(
-            "<link name='{child}'><inertial><origin xyz='{a} {b} {c}'/><mass value='{mass}'/>\
-             <inertia ixx='{i}' iyy='{i}' izz='{i}' ixy='0' ixz='0' iyz='0'/></inertial></link>\
-             <joint name='joint{k}' type='{kind}'><parent link='{parent}'/><child link='{child}'/>\
-             <origin xyz='{x} {y} {z}' rpy='0 {angle} 0'/><axis xyz='{axis}'/>{limit}</joint>"
-        );
+        let part = Part::new(&child, &parent, kind, axis, [x, y, z]).turned([0.0, angle, 0.0]).com([a, b, c]);
+        parts.push(part.weighing(mass, [i; 3]));
         parent = child;
     }
-    Chain::from_urdf_str(&(urdf + "</robot>"), &Default::default()).unwrap()
+    chain(&parts)
 }

@@ -1,15 +1,9 @@
 //! Slip that begins in space: its direction turns, at first infinitely fast.
 
-use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
-use carom_impact::Newton;
-use carom_sim::{
-    ContactRule, Controller, Drive, Observed, Sampling, Scene, SimError, Simulation, Statistics, Surface, Touch,
-};
-use nalgebra::Vector3;
+use carom_sim::{Controller, Drive, Observed, Sampling, SimError, Simulation, Statistics};
+use carom_testing::build::{O, Part, X, Y, Z, brick, chain, one_body, shape};
+use carom_testing::scenes::{G, newton, on_floor, scene, shipped};
 
-const G: f64 = 9.81;
 const FRICTION: f64 = 0.5;
 /// Masses that the force along x, along y, and gravity move, kg.
 const MASSES: [f64; 3] = [1.7, 1.4, 1.0];
@@ -57,37 +51,15 @@ fn displacement(tau: f64) -> [f64; 2] {
 
 /// A foot of this shape on three prismatic joints, in contact with the floor.
 fn foot(shape: &str, tolerance: f64) -> Simulation {
-    let link = |name: &str, mass: f64, shape: &str| {
-        format!(
-            r#"<link name="{name}"><inertial><mass value="{mass}"/>
-            <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>{shape}</link>"#
-        )
-    };
-    let joint = |name: &str, parent: &str, child: &str, axis: &str| {
-        format!(
-            r#"<joint name="{name}" type="prismatic"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>
-            <limit lower="-9" upper="9" effort="99" velocity="99"/></joint>"#
-        )
-    };
-    let shape = format!("<collision><geometry>{shape}</geometry></collision>");
-    let text = [
-        r#"<robot name="foot"><link name="base"/>"#.to_owned(),
-        link("a", MASSES[0] - MASSES[1], ""),
-        link("b", MASSES[1] - MASSES[2], ""),
-        link("c", MASSES[2], &shape),
-        joint("x", "base", "a", "1 0 0"),
-        joint("y", "a", "b", "0 1 0"),
-        joint("z", "b", "c", "0 0 1"),
-        "</robot>".to_owned(),
+    let part = |name: &str, parent: &str, axis, mass: f64| Part::slider(name, parent, axis).weighing(mass, [0.01; 3]);
+    let parts = [
+        part("a", "base", X, MASSES[0] - MASSES[1]),
+        part("b", "a", Y, MASSES[1] - MASSES[2]),
+        part("c", "b", Z, MASSES[2]).shaped(shape),
     ];
-    let chain = Chain::from_urdf_str(&text.concat(), &LoadOptions::default()).unwrap();
-    let contact = ContactRule::new(Newton { restitution: 0.0, friction: FRICTION });
-    let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let floor = Surface { name: "floor".into(), obstacle, contact, motion: None };
-    let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
-    let gravity = Vector3::new(0.0, 0.0, -G);
     let zeno_time = Simulation::zeno_time_for(tolerance);
-    Simulation { gravity, tolerance, zeno_time, drive: Drive::user(Pull), ..Simulation::new(chain, touches) }
+    let foot = on_floor(chain(&parts), newton(0.0, FRICTION));
+    Simulation { tolerance, zeno_time, drive: Drive::user(Pull), ..foot }
 }
 
 /// A force that leaves the friction cone and turns gives slip that starts from rest, by the chosen law of slip; friction is the rest
@@ -116,7 +88,7 @@ fn slip_that_begins_under_a_turning_force_moves_as_in_closed_form() {
 /// which had an error of 1e-4 in common with the tolerances at which it was not resolved, and took time steps at the others.
 #[test]
 fn error_of_a_quadruped_whose_feet_begin_to_slip_falls_with_the_tolerance() {
-    let scene = Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/quadruped.toml")).unwrap();
+    let scene = shipped("quadruped");
     let plan = scene.plan().unwrap();
     let run = |tolerance: f64| -> (Vec<f64>, Statistics) {
         let zeno_time = Simulation::zeno_time_for(tolerance);
@@ -138,12 +110,7 @@ fn error_of_a_quadruped_whose_feet_begin_to_slip_falls_with_the_tolerance() {
 /// does not end.
 #[test]
 fn slip_that_an_impact_turns_while_it_begins_goes_on_in_its_new_direction() {
-    let folder = std::env::temp_dir().join(format!("carom-slip-begins-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let urdf = r#"<robot name="cube"><link name="body"><inertial><mass value="0.37"/>
-        <inertia ixx="0.00081" iyy="0.00081" izz="0.00081" ixy="0" ixz="0" iyz="0"/></inertial>
-        <collision><geometry><box size="0.1048 0.1048 0.1048"/></geometry></collision></link></robot>"#;
-    std::fs::write(folder.join("cube.urdf"), urdf).unwrap();
+    let cube = one_body(0.37, [0.00081; 3], &shape(&brick([0.1048; 3]), O, O));
     let text = r#"
         [robot]
         urdf = "cube.urdf"
@@ -165,8 +132,7 @@ fn slip_that_an_impact_turns_while_it_begins_goes_on_in_its_new_direction() {
         tolerance = 1e-5
         zeno_time = 1e-5
     "#;
-    let plan = Scene::from_toml(text, &folder).unwrap().plan().unwrap();
-    std::fs::remove_dir_all(&folder).unwrap();
+    let plan = scene(&[("cube.urdf", &cube)], text).unwrap().plan().unwrap();
     let sampling = Sampling { every: Some(0.58108 / 86.0), dense: false };
     let run = |tolerance, duration| {
         let simulation = Simulation { tolerance, ..plan.simulation.clone() };

@@ -1,45 +1,24 @@
 //! Slip that ends: what is left of it after an event for less than a quarter of the Zeno time is left out. Slip that passes a dead point.
 
-use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
-use carom_impact::{Energetic, Newton};
-use carom_sim::{ContactRule, Drive, Loop, LoopFrame, LoopJoint, Simulation, Surface, Touch};
+use carom_impact::Energetic;
+use carom_sim::{ContactRule, Drive, Loop, LoopFrame, LoopJoint, Simulation, Touch};
+use carom_testing::build::{self, O, Part, X, Y, Z, ball, chain, free, shape};
+use carom_testing::scenes::{G, half_space, kinds, newton, on_floor, surface};
 use nalgebra::{Matrix3, Vector3};
 
-const G: f64 = 9.81;
 const FRICTION: f64 = 0.5;
 const TOLERANCES: [f64; 4] = [1e-4, 1e-6, 1e-8, 1e-10];
 
-fn chain(text: &str) -> Chain {
-    Chain::from_urdf_str(text, &LoadOptions::default()).unwrap()
-}
-
 /// A mass on three prismatic joints over a floor, with a flywheel about the vertical.
 fn mass_over_floor(contact: ContactRule, tolerance: f64) -> Simulation {
-    let joint = |name: &str, parent: &str, child: &str, axis: &str| {
-        format!(
-            "<joint name='{name}' type='prismatic'><parent link='{parent}'/><child link='{child}'/><axis xyz='{axis}'/>
-             <limit lower='-9' upper='9' effort='99' velocity='99'/></joint>"
-        )
-    };
-    let text = [
-        "<robot name='mass'><link name='base'/><link name='a'/><link name='b'/>",
-        "<link name='c'><inertial><mass value='0.7'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>",
-        "<collision><geometry><sphere radius='0.1'/></geometry></collision></link>",
-        "<link name='d'><inertial><mass value='0.3'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link>",
-        &joint("x", "base", "a", "1 0 0"),
-        &joint("y", "a", "b", "0 1 0"),
-        &joint("z", "b", "c", "0 0 1"),
-        "<joint name='spin' type='continuous'><parent link='c'/><child link='d'/><axis xyz='0 0 1'/></joint>",
-        "</robot>",
+    let parts = [
+        Part::slider("a", "base", X).massless(),
+        Part::slider("b", "a", Y).massless(),
+        Part::slider("c", "b", Z).weighing(0.7, [1.0; 3]).shaped(&ball(0.1)),
+        Part::hinge("d", "c", Z).weighing(0.3, [1.0; 3]),
     ];
-    let chain = chain(&text.concat());
-    let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let surface = Surface { name: "floor".into(), obstacle, contact, motion: None };
-    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
-    let (gravity, zeno_time) = (Vector3::new(0.0, 0.0, -G), Simulation::zeno_time_for(tolerance));
-    Simulation { gravity, tolerance, zeno_time, ..Simulation::new(chain, touches) }
+    let zeno_time = Simulation::zeno_time_for(tolerance);
+    Simulation { tolerance, zeno_time, ..on_floor(chain(&parts), contact) }
 }
 
 /// A mass that starts across an incline, of which `down` is the acceleration along it, stops at a known place and time. With φ the angle
@@ -49,7 +28,7 @@ fn mass_over_floor(contact: ContactRule, tolerance: f64) -> Simulation {
 fn a_mass_that_starts_across_an_incline_stops_at_a_known_place() {
     for (down, tolerance) in [2.0, 0.5].into_iter().flat_map(|down| TOLERANCES.map(|tolerance| (down, tolerance))) {
         let k = FRICTION * G / down;
-        let contact = ContactRule::new(Newton { restitution: 0.0, friction: FRICTION });
+        let contact = newton(0.0, FRICTION);
         let gravity = Vector3::new(down, 0.0, -G);
         let sim = Simulation { gravity, ..mass_over_floor(contact, tolerance) };
         // The second slip ends at once.
@@ -79,7 +58,7 @@ fn slow_slip_beside_a_fast_joint_goes_as_far_as_friction_lets_it() {
     let (mu, v) = (1e-3, 2e-3);
     let far = v * v / (2.0 * mu * G);
     for tolerance in TOLERANCES {
-        let contact = ContactRule::new(Newton { restitution: 0.0, friction: mu });
+        let contact = newton(0.0, mu);
         let run = mass_over_floor(contact, tolerance).run(&[0.0, 0.0, 0.1, 0.0], &[v, 0.0, 0.0, 10.0], 0.5).unwrap();
         let off = run.summary.last.q[0] - far;
         assert!(off.abs() < tolerance * far, "{off:e} of {far:e} at {tolerance:e}");
@@ -116,7 +95,7 @@ fn slip_that_ends_while_impacts_accumulate_does_not_turn_back() {
 /// Without gravity a mass slides on along a rough floor that bears nothing.
 #[test]
 fn a_contact_without_load_brakes_nothing() {
-    let contact = ContactRule::new(Newton { restitution: 0.0, friction: FRICTION });
+    let contact = newton(0.0, FRICTION);
     let sim = Simulation { gravity: Vector3::zeros(), ..mass_over_floor(contact, 1e-9) };
     let run = sim.run(&[0.0, 0.0, 0.1, 0.0], &[0.3, 0.4, 0.0, 0.0], 1.0).unwrap();
     let last = &run.summary.last;
@@ -129,35 +108,20 @@ fn a_contact_without_load_brakes_nothing() {
 #[test]
 fn an_end_that_another_one_holds_down_comes_to_rest_with_it() {
     let (mass, half, inertia) = (1.0, 0.5, 1.0 / 12.0);
-    let ball =
-        |x: f64| format!("<collision><origin xyz='{x} 0 0'/><geometry><sphere radius='0.1'/></geometry></collision>");
-    let text = format!(
-        "<robot name='bar'><link name='base'/><link name='a'/><link name='bar'><inertial><mass value='{mass}'/>
-         <inertia ixx='{inertia}' ixy='0' ixz='0' iyy='{inertia}' iyz='0' izz='{inertia}'/></inertial>{}{}</link>
-         <joint name='z' type='prismatic'><parent link='base'/><child link='a'/><axis xyz='0 0 1'/>
-         <limit lower='-9' upper='9' effort='99' velocity='99'/></joint>
-         <joint name='turn' type='continuous'><parent link='a'/><child link='bar'/><axis xyz='0 1 0'/></joint></robot>",
-        ball(-half),
-        ball(half),
-    );
-    let chain = chain(&text);
-    let contact = ContactRule::new(Newton { restitution: 0.4, friction: 0.0 });
-    let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let surface = Surface { name: "floor".into(), obstacle, contact, motion: None };
-    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
+    let end = |x: f64| shape(&ball(0.1), [x, 0.0, 0.0], O);
+    let bar = Part::hinge("bar", "a", Y).weighing(mass, [inertia; 3]).with(end(-half) + &end(half));
+    let chain = chain(&[Part::slider("a", "base", Z).massless(), bar]);
     // It presses the end at +x. In flight the other end rises if it is above m g I/(m half), about the first one if above m g half.
     let torque = 0.6 * mass * G * half;
     let (tolerance, zeno_time) = (1e-8, Simulation::zeno_time_for(1e-8));
     let sim = Simulation {
-        gravity: Vector3::new(0.0, 0.0, -G),
         tolerance,
         zeno_time,
         drive: Drive::Constant(vec![0.0, torque]),
-        ..Simulation::new(chain, touches)
+        ..on_floor(chain, newton(0.4, 0.0))
     };
     let run = sim.run(&[0.1, 0.0], &[-0.1 * G * zeno_time, 0.0], 0.1).unwrap();
-    let kinds: Vec<_> = run.events.iter().map(|event| event.kind.name()).collect();
-    assert_eq!(kinds, ["several", "zeno", "zeno", "sliding", "sliding", "rest"]);
+    assert_eq!(kinds(&run), ["several", "zeno", "zeno", "sliding", "sliding", "rest"]);
     assert_eq!(run.events[1].time, run.events[2].time);
     let last = &run.summary.last;
     // It moved for less than the Zeno time.
@@ -168,27 +132,11 @@ fn an_end_that_another_one_holds_down_comes_to_rest_with_it() {
 /// one body with the angular momentum of the start. Its error is of second order in that time.
 #[test]
 fn a_joint_that_dry_friction_stops_at_once_passes_its_momentum_on() {
-    let link = |name: &str| {
-        format!(
-            "<link name='{name}'><inertial><origin xyz='0.5 0 0'/><mass value='1'/>
-             <inertia ixx='0.1' ixy='0' ixz='0' iyy='0.1' iyz='0' izz='0.1'/></inertial></link>"
-        )
+    let link = |name: &str, parent: &str| {
+        Part { com: [0.5, 0.0, 0.0], ..Part::hinge(name, parent, Z) }.weighing(1.0, [0.1; 3])
     };
-    let joint = |name: &str, parent: &str, child: &str, more: &str| {
-        format!(
-            "<joint name='{name}' type='continuous'><parent link='{parent}'/><child link='{child}'/><axis xyz='0 0 1'/>{more}</joint>"
-        )
-    };
-    let elbow = "<origin xyz='1 0 0'/><dynamics friction='3'/>";
-    let text = [
-        "<robot name='arms'><link name='base'/>",
-        &link("one"),
-        &link("two"),
-        &joint("shoulder", "base", "one", ""),
-        &joint("elbow", "one", "two", elbow),
-        "</robot>",
-    ];
-    let chain = chain(&text.concat());
+    let two = link("two", "one").at(X).joint("<dynamics friction='3'/>");
+    let chain = chain(&[link("one", "base"), two]);
     for tolerance in TOLERANCES {
         let zeno_time = Simulation::zeno_time_for(tolerance);
         let sim = Simulation {
@@ -217,24 +165,11 @@ fn a_joint_that_dry_friction_stops_at_once_passes_its_momentum_on() {
 #[test]
 fn a_foot_whose_slip_ends_at_once_moves_its_body_as_one_whose_slip_is_followed() {
     let feet = [[0.05, 0.0], [-0.1, 0.15], [-0.1, -0.15]];
-    let foot = |[x, y]: [f64; 2]| {
-        format!("<collision><origin xyz='{x} {y} -0.2'/><geometry><sphere radius='0.03'/></geometry></collision>")
-    };
-    let text = format!(
-        "<robot name='tripod'><link name='body'><inertial><mass value='2'/>
-         <inertia ixx='0.02' ixy='0' ixz='0' iyy='0.03' iyz='0' izz='0.04'/></inertial>{}</link></robot>",
-        feet.map(foot).concat()
-    );
-    let options = LoadOptions { floating_base: true, ..Default::default() };
-    let chain = Chain::from_urdf_str(&text, &options).unwrap();
-    let contact = ContactRule::new(Newton { restitution: 0.0, friction: FRICTION });
-    let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let surface = Surface { name: "floor".into(), obstacle, contact, motion: None };
-    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
-    let (gravity, tolerance) = (Vector3::new(0.0, 0.0, -G), 1e-10);
+    let foot = |[x, y]: [f64; 2]| shape(&ball(0.03), [x, y, -0.2], O);
+    let body = on_floor(free(2.0, [0.02, 0.03, 0.04], &feet.map(foot).concat()), newton(0.0, FRICTION));
     let (turn, slip) = (1.0, [1.5e-4, 1e-4]);
     let run = |zeno_time: f64| {
-        let sim = Simulation { gravity, tolerance, zeno_time, ..Simulation::new(chain.clone(), touches.clone()) };
+        let sim = Simulation { tolerance: 1e-10, zeno_time, ..body.clone() };
         // The first foot moves with `slip`, and the body turns about the vertical.
         let qd = [slip[0], slip[1] - turn * feet[0][0], 0.0, 0.0, 0.0, turn];
         sim.run(&[0.0, 0.0, 0.23, 0.0, 0.0, 0.0, 1.0], &qd, 0.01).unwrap()
@@ -345,47 +280,20 @@ impl Slider {
     /// Crank and rod as a tree; or with the rod on joints of its own, and a loop as the hinge between them.
     fn simulation(&self, in_loop: bool) -> Simulation {
         let Self { crank, rod, ball, mass, inertia, gravity, floor } = *self;
-        let link = |name: &str, x: f64, mass: f64, inertia: f64, shape: &str| {
-            format!(
-                "<link name='{name}'><inertial><origin xyz='{x} 0 0'/><mass value='{mass}'/>
-                 <inertia ixx='{inertia}' ixy='0' ixz='0' iyy='{inertia}' iyz='0' izz='{inertia}'/></inertial>{shape}</link>"
-            )
+        let turns = |name: &str, parent: &str, x: f64| Part::hinge(name, parent, [0.0, -1.0, 0.0]).at([x, 0.0, 0.0]);
+        let rod_on = |parent: &str, x: f64| {
+            let foot = shape(&build::ball(ball), [rod[1], 0.0, 0.0], O);
+            turns("rod", parent, x).com([rod[0], 0.0, 0.0]).weighing(mass, [inertia[1]; 3]).with(foot)
         };
-        let joint = |name: &str, parent: &str, child: &str, kind: &str, x: f64, axis: &str| {
-            format!(
-                "<joint name='{name}' type='{kind}'><parent link='{parent}'/><child link='{child}'/><origin xyz='{x} 0 0'/>
-                 <axis xyz='{axis}'/><limit lower='-9' upper='9' effort='9' velocity='9'/></joint>"
-            )
-        };
-        let foot = rod[1];
-        let foot =
-            format!("<collision><origin xyz='{foot} 0 0'/><geometry><sphere radius='{ball}'/></geometry></collision>");
-        let turns =
-            |name: &str, parent: &str, child: &str, x: f64| joint(name, parent, child, "continuous", x, "0 -1 0");
         let slides =
-            |name: &str, parent: &str, child: &str, axis: &str| joint(name, parent, child, "prismatic", 0.0, axis);
-        let hinge = if in_loop {
-            let links = "<link name='a'/><link name='b'/>".to_string();
-            links
-                + &slides("x", "wall", "a", "1 0 0")
-                + &slides("z", "a", "b", "0 0 1")
-                + &turns("two", "b", "rod", 0.0)
-        } else {
-            turns("two", "crank", "rod", crank)
+            |name: &str, parent: &str, axis| Part::slider(name, parent, axis).limits(-9.0, 9.0, 9.0).massless();
+        let crank_part = turns("crank", "base", 0.0).weighing(1.0, [inertia[0]; 3]);
+        let chain = match in_loop {
+            true => chain(&[crank_part, slides("a", "base", X), slides("b", "a", Z), rod_on("b", 0.0)]),
+            false => chain(&[crank_part, rod_on("crank", crank)]),
         };
-        let text = [
-            "<robot name='slider'><link name='wall'/>",
-            &link("crank", 0.0, 1.0, inertia[0], ""),
-            &link("rod", rod[0], mass, inertia[1], &foot),
-            &turns("one", "wall", "crank", 0.0),
-            &hinge,
-            "</robot>",
-        ];
-        let chain = chain(&text.concat());
-        let obstacle = Obstacle::half_space(Vector3::new(0.0, 0.0, floor), Vector3::z()).unwrap();
-        let contact = ContactRule::new(Newton { restitution: 0.0, friction: FRICTION });
-        let surface = Surface { name: "floor".into(), obstacle, contact, motion: None };
-        let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
+        let floor = surface("floor", half_space([0.0, 0.0, floor], Vector3::z()), newton(0.0, FRICTION));
+        let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
         let frame = |link, x| LoopFrame::new(Some(link), [x, 0.0, 0.0], [0.0; 3]);
         let pin = LoopJoint::Pin { axis: Vector3::y() };
         let pin = Loop { name: "hinge".into(), joint: pin, frames: [frame("crank", crank), frame("rod", 0.0)] };

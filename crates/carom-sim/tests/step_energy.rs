@@ -1,25 +1,13 @@
 //! The energy of time steps, each loss by its own formula, and what is left over as error.
 
-use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
-use carom_impact::Newton;
-use carom_sim::{ContactRule, Scene, Simulation, Surface, Touch};
-use nalgebra::Vector3;
-
-fn body(mass: f64, inertia: [f64; 3], shape: &str) -> Chain {
-    let [x, y, z] = inertia;
-    let text = format!(
-        "<robot name='body'><link name='body'><inertial><mass value='{mass}'/><inertia ixx='{x}' ixy='0' ixz='0' iyy='{y}' iyz='0' izz='{z}'/>
-         </inertial>{shape}</link></robot>"
-    );
-    Chain::from_urdf_str(&text, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap()
-}
+use carom_sim::Simulation;
+use carom_testing::build::{O, ball, brick, free, one_body, shape};
+use carom_testing::scenes::{newton, on_floor, scene};
 
 /// A body that spins freely about none of its axes, by time steps: the energy error is of second order in the step, and nothing is booked.
 #[test]
 fn time_steps_without_a_contact_keep_the_energy_to_their_order() {
-    let chain = body(1.0, [0.01, 0.02, 0.025], "");
+    let chain = free(1.0, [0.01, 0.02, 0.025], "");
     let q = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     let qd = [0.0, 0.0, 0.0, 20.0, 3.0, -15.0];
     let error = |step: f64| {
@@ -36,20 +24,10 @@ fn time_steps_without_a_contact_keep_the_energy_to_their_order() {
 /// A ball that falls and comes to rest, by time steps: impacts take its energy, by −½ Σ (u⁻ + u⁺) p, and the error falls with the step.
 #[test]
 fn impulses_of_time_steps_take_the_energy_of_a_fall() {
-    let ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
-    let chain = body(2.0, [0.01; 3], ball);
-    let floor = Surface {
-        name: "floor".into(),
-        obstacle: Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap(),
-        contact: ContactRule::new(Newton { restitution: 0.3, friction: 0.0 }),
-        motion: None,
-    };
-    let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
+    let ball = on_floor(free(2.0, [0.01; 3], &shape(&ball(0.1), O, O)), newton(0.3, 0.0));
     let q = [0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 1.0];
     let run = |contact_step: f64| {
-        let gravity = Vector3::new(0.0, 0.0, -9.81);
-        let sim =
-            Simulation { stepping: true, contact_step, gravity, ..Simulation::new(chain.clone(), touches.clone()) };
+        let sim = Simulation { stepping: true, contact_step, ..ball.clone() };
         let summary = sim.run(&q, &[0.0; 6], 1.5).unwrap().summary;
         assert_eq!(summary.warnings(), Vec::<String>::new());
         summary.energy
@@ -67,28 +45,18 @@ fn impulses_of_time_steps_take_the_energy_of_a_fall() {
 /// The energies close, nothing is gained, and both come to rest without time steps.
 #[test]
 fn a_light_ball_under_a_heavy_one_gains_no_energy() {
-    let folder = std::env::temp_dir().join(format!("carom-step-energy-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    for (name, mass) in [("light", 1.0), ("heavy", 1e5)] {
-        let inertia = 0.004 * mass;
-        let text = format!(
-            "<robot name='{name}'><link name='ball'><inertial><mass value='{mass}'/><inertia ixx='{inertia}' ixy='0' ixz='0' iyy='{inertia}'
-             iyz='0' izz='{inertia}'/></inertial><collision><geometry><sphere radius='0.1'/></geometry></collision></link></robot>"
-        );
-        std::fs::write(folder.join(format!("{name}.urdf")), text).unwrap();
-    }
+    let ball = |mass: f64| one_body(mass, [0.004 * mass; 3], &shape(&ball(0.1), O, O));
     let robot = |name: &str, z: f64| {
         format!(
-            "[[robot]]\nname = \"{name}\"\nurdf = \"{name}.urdf\"\nfloating = true\nposition = [0, 0, {z}]\ntip = \"ball\"\n"
+            "[[robot]]\nname = \"{name}\"\nurdf = \"{name}.urdf\"\nfloating = true\nposition = [0, 0, {z}]\ntip = \"body\"\n"
         )
     };
     let text = robot("light", 0.15)
         + &robot("heavy", 0.36)
         + "[[surface]]\nname = \"floor\"\nshape = { halfspace = { point = [0, 0, 0], normal = [0, 0, 1] } }\n[contact]\nrestitution = 0.9\n\
            [run]\nduration = 0.5\ngravity = [0, 0, -9.81]\n";
-    std::fs::write(folder.join("scene.toml"), text).unwrap();
-    let plan = Scene::from_file(folder.join("scene.toml")).unwrap().plan().unwrap();
-    std::fs::remove_dir_all(&folder).unwrap();
+    let files = [("light.urdf", &*ball(1.0)), ("heavy.urdf", &*ball(1e5))];
+    let plan = scene(&files, &text).unwrap().plan().unwrap();
     let summary = plan.simulation.run(&plan.q, &plan.qd, 0.5).unwrap().summary;
     let books = summary.energy;
     // The heavy ball falls by 0.06 m.
@@ -101,25 +69,16 @@ fn a_light_ball_under_a_heavy_one_gains_no_energy() {
 /// A box falls flat onto a mesh, which takes time steps; a ball beside it lies on a compliant floor: it sinks by (m g/k)^(1/n), as alone.
 #[test]
 fn a_compliant_contact_keeps_its_force_in_time_steps() {
-    let folder = std::env::temp_dir().join(format!("carom-step-compliance-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let robot = |name: &str, shape: &str| {
-        let text = format!(
-            "<robot name='{name}'><link name='{name}'><inertial><mass value='1.5'/><inertia ixx='0.01' ixy='0' ixz='0' iyy='0.01' iyz='0' \
-             izz='0.01'/></inertial><collision><geometry>{shape}</geometry></collision></link></robot>"
-        );
-        std::fs::write(folder.join(format!("{name}.urdf")), text).unwrap();
-    };
-    robot("block", "<box size='0.2 0.2 0.2'/>");
-    robot("ball", "<sphere radius='0.1'/>");
+    let robot = |element: &str| one_body(1.5, [0.01; 3], &shape(element, O, O));
     let triangle = |a: &str, b: &str, c: &str| {
         format!("facet normal 0 0 1\nouter loop\nvertex {a}\nvertex {b}\nvertex {c}\nendloop\nendfacet\n")
     };
     let table = triangle("-1 -1 0", "1 -1 0", "1 1 0") + &triangle("-1 -1 0", "1 1 0", "-1 1 0");
-    std::fs::write(folder.join("table.stl"), format!("solid t\n{table}endsolid t\n")).unwrap();
+    let table = format!("solid t\n{table}endsolid t\n");
+    let files = [("block.urdf", &*robot(&brick([0.2; 3]))), ("ball.urdf", &*robot(&ball(0.1))), ("table.stl", &*table)];
     let text = "
-        [[robot]]\nname = 'a'\nurdf = 'block.urdf'\nfloating = true\nposition = [0, 0, 0.101]\ntip = 'block'
-        [[robot]]\nname = 'b'\nurdf = 'ball.urdf'\nfloating = true\nposition = [5, 0, 0.1]\ntip = 'ball'
+        [[robot]]\nname = 'a'\nurdf = 'block.urdf'\nfloating = true\nposition = [0, 0, 0.101]\ntip = 'body'
+        [[robot]]\nname = 'b'\nurdf = 'ball.urdf'\nfloating = true\nposition = [5, 0, 0.1]\ntip = 'body'
         [[surface]]\nname = 'table'\nshape = { mesh = { file = 'table.stl' } }
         [[surface]]\nname = 'floor'\nshape = { halfspace = { point = [0, 0, 0], normal = [0, 0, 1] } }
         [contact]\nrestitution = 0.2\nbetween_robots = false
@@ -127,9 +86,7 @@ fn a_compliant_contact_keeps_its_force_in_time_steps() {
         [[contact.pair]]\nlink = 'a'\nsurface = 'floor'\nlatch = false
         [run]\nduration = 0.5\ngravity = [0, 0, -9.81]\n"
         .replace("        ", "");
-    std::fs::write(folder.join("scene.toml"), text).unwrap();
-    let plan = Scene::from_file(folder.join("scene.toml")).unwrap().plan().unwrap();
-    std::fs::remove_dir_all(&folder).unwrap();
+    let plan = scene(&files, &text).unwrap().plan().unwrap();
     let summary = plan.simulation.run(&plan.q, &plan.qd, 0.5).unwrap().summary;
     assert!(summary.statistics.contact_steps > 50, "{:?}", summary.statistics);
     let sunk = 1.5 * 9.81 / 1e4;
@@ -142,7 +99,7 @@ fn a_compliant_contact_keeps_its_force_in_time_steps() {
 /// millionth.
 #[test]
 fn a_balance_that_does_not_close_is_told() {
-    let sim = Simulation::new(body(1.0, [1.0; 3], ""), Vec::new());
+    let sim = Simulation::new(free(1.0, [1.0; 3], ""), Vec::new());
     let run = sim.run(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.1).unwrap();
     let told = |missing: f64, gained: f64, steps: usize| {
         let mut summary = run.summary.clone();

@@ -2,10 +2,10 @@
 //! are conserved. The Delassus matrix at the corner of a cube has a double eigenvalue, for which some solvers fail.
 
 use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use carom_impact::Energetic;
 use carom_sim::{ContactMode, ContactRule, Moment, Sampling, Seen, Simulation, Surface, Touch};
+use carom_testing::build::{O, brick, free, shape};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 const MASS: f64 = 0.4;
@@ -15,15 +15,7 @@ const HALF: f64 = 0.05;
 const INERTIA: f64 = MASS * 4.0 * HALF * HALF / 6.0;
 
 fn cube() -> Chain {
-    let side = 2.0 * HALF;
-    let text = format!(
-        r#"<robot name="cube"><link name="cube">
-        <inertial><mass value="{MASS}"/>
-            <inertia ixx="{INERTIA}" ixy="0" ixz="0" iyy="{INERTIA}" iyz="0" izz="{INERTIA}"/></inertial>
-        <collision><geometry><box size="{side} {side} {side}"/></geometry></collision>
-        </link></robot>"#
-    );
-    Chain::from_urdf_str(&text, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap()
+    free(MASS, [INERTIA; 3], &shape(&brick([2.0 * HALF; 3]), O, O))
 }
 
 /// Energy, and angular momentum about the vertical through `corner`.

@@ -1,5 +1,4 @@
 //! Random robots with every joint type, branches, mimic joints, links on fixed joints, and rotated frames.
-#![allow(dead_code)] // each test binary uses a part
 
 use carom_chain::urdf::{Inertial, Joint, JointType, Link, LoadOptions, Mimic, Robot};
 use carom_chain::{Chain, Coordinates};

@@ -1,6 +1,6 @@
 //! Messages about the document: format, elements, names, the tree, and what is not used.
 
-use crate::texts::*;
+use crate::urdf_messages::texts::*;
 
 #[test]
 fn documents_that_are_not_urdf_are_refused() {

@@ -1,6 +1,6 @@
 //! Messages about files: mesh paths, missing meshes, unreadable robots.
 
-use crate::texts::*;
+use crate::urdf_messages::texts::*;
 use carom_chain::ChainError;
 use carom_chain::urdf::{self, LoadOptions, Meshes, Shape};
 use nalgebra::Vector3;

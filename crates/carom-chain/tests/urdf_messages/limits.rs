@@ -1,6 +1,6 @@
 //! Limits of the size of files and of messages, undeclared prefixes, and rounding of moments.
 
-use crate::texts::*;
+use crate::urdf_messages::texts::*;
 use carom_chain::input::{LONGEST_NAME, MOST_MIB};
 use carom_chain::urdf::{self, LoadOptions};
 use carom_chain::{Chain, uniform_chain};

@@ -1,6 +1,6 @@
 //! The three classes of loading: warnings for what leaves the mathematics sound, partial service without mass, repairs.
 
-use crate::texts::*;
+use crate::urdf_messages::texts::*;
 use carom_chain::urdf::{self, Inertial, LoadOptions, Repair};
 use carom_chain::{Chain, ChainError};
 use nalgebra::{Matrix3, Vector3};

@@ -1,6 +1,6 @@
 //! Warnings of numbers in other units than those of URDF, and of joints without an axis.
 
-use crate::texts::*;
+use crate::urdf_messages::texts::*;
 
 /// An arm of two links of 2 and 1 kg, with these origins, limits, rotation of the collision and moment of inertia.
 fn arm(length: &str, limits: &str, rpy: &str, moment: &str) -> String {

@@ -1,6 +1,6 @@
 //! Results of the reader for valid files.
 
-use crate::texts::*;
+use crate::urdf_messages::texts::*;
 use carom_chain::urdf::{JointType, LoadReport, Shape};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 

@@ -1,6 +1,6 @@
 //! Messages about values: numbers, axes, limits, inertias, mimic joints.
 
-use crate::texts::*;
+use crate::urdf_messages::texts::*;
 use carom_chain::urdf::{self, LoadOptions};
 
 #[test]

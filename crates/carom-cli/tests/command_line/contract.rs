@@ -1,6 +1,6 @@
 //! The contract of the output: keys, orders, lines, streams.
 
-use crate::desk::*;
+use crate::command_line::desk::*;
 use nalgebra::{DMatrix, DVector, Vector3};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};

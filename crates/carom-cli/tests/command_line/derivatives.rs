@@ -1,6 +1,6 @@
 //! `carom impact` with derivatives and ranges: the additional keys.
 
-use crate::desk::*;
+use crate::command_line::desk::*;
 use nalgebra::DVector;
 use serde_json::json;
 

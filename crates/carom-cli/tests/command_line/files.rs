@@ -1,6 +1,6 @@
 //! Files that commands write: they never replace an input or one another, and none is written if an input is refused.
 
-use crate::desk::*;
+use crate::command_line::desk::*;
 use serde_json::json;
 use std::process::Child;
 use std::time::{Duration, Instant};

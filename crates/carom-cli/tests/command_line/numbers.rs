@@ -1,6 +1,6 @@
 //! Numeric results, checked by a second computation or against the literature.
 
-use crate::desk::*;
+use crate::command_line::desk::*;
 use serde_json::json;
 
 /// `dynamics` and `impact` satisfy M q̈ + bias = τ, H = J M⁻¹ Jᵀ and M Δq̇ = Jᵀ p.

@@ -1,6 +1,6 @@
 //! Invalid options and unknown names.
 
-use crate::desk::*;
+use crate::command_line::desk::*;
 use serde_json::json;
 
 #[test]

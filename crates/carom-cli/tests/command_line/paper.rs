@@ -1,6 +1,6 @@
 //! `carom paper` and `carom consistency`.
 
-use crate::desk::*;
+use crate::command_line::desk::*;
 use serde_json::Value;
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 //! Output for people: tables and help.
 
-use crate::desk::*;
+use crate::command_line::desk::*;
 use serde_json::json;
 
 #[test]

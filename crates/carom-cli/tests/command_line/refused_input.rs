@@ -1,6 +1,6 @@
 //! Invalid states and problems are refused with their line.
 
-use crate::desk::*;
+use crate::command_line::desk::*;
 
 #[test]
 fn invalid_states_are_refused_with_their_line() {

@@ -1,6 +1,6 @@
 //! Invalid robots, and robots with warnings.
 
-use crate::desk::*;
+use crate::command_line::desk::*;
 use serde_json::json;
 
 #[test]

@@ -1,6 +1,6 @@
 //! Robustness: closed pipes, numbers of any size, malformed files.
 
-use crate::desk::*;
+use crate::command_line::desk::*;
 use nalgebra::DMatrix;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};

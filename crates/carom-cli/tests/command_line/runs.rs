@@ -1,6 +1,6 @@
 //! `carom simulate`: starts from files, many runs from disturbed starts, interruption.
 
-use crate::desk::*;
+use crate::command_line::desk::*;
 use serde_json::Value;
 use std::time::{Duration, Instant};
 

@@ -1,6 +1,6 @@
 //! The keys of a scene file: the effect of each, and the messages of refusals.
 
-use crate::desk::*;
+use crate::command_line::desk::*;
 use serde_json::Value;
 
 /// planar2 starts at 0.2 m/s a few micrometres before the wall. Tests replace the comments by further keys.

@@ -1,6 +1,6 @@
 //! `carom simulate`: output, files and refusals.
 
-use crate::desk::*;
+use crate::command_line::desk::*;
 use serde_json::Value;
 
 const SCENE: &str = include_str!("../../../../scenes/planar2.toml");

@@ -1,6 +1,6 @@
 //! `carom stress` and `carom chart`: files that are complete or not written.
 
-use crate::desk::*;
+use crate::command_line::desk::*;
 use serde_json::Value;
 
 #[test]

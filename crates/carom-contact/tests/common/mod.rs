@@ -1,10 +1,10 @@
 //! Random bodies and poses; the tests fix the seeds.
-#![allow(dead_code)]
 
 use carom_chain::urdf::{Collision, Shape};
 use carom_chain::{Chain, FrameId, Spatial, algebra::Pose};
 use carom_contact::{LinkShape, Mesh, Obstacle};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 pub fn vector(rng: &mut fastrand::Rng, size: f64) -> Vector3<f64> {
     Vector3::from_fn(|_, _| size * (2.0 * rng.f64() - 1.0))
@@ -51,7 +51,7 @@ pub fn body(kind: &str, rng: &mut fastrand::Rng) -> LinkShape {
     })
 }
 
-/// The convex hull of some points, at least three, through the OBJ file `hull-<number>.obj`.
+/// The convex hull of some points, at least three, through the OBJ file `hull-<number>-<count>.obj`.
 pub fn hull_of(points: &[Vector3<f64>], number: u64) -> LinkShape {
     let mut text = String::new();
     for v in points {
@@ -60,7 +60,9 @@ pub fn hull_of(points: &[Vector3<f64>], number: u64) -> LinkShape {
     for k in 3..=points.len() {
         text += &format!("f {} {} {k}\n", k - 2, k - 1);
     }
-    let file = temp(&format!("hull-{number}.obj"));
+    // Tests of one process may make hulls of one number at the same time.
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let file = temp(&format!("hull-{number}-{}.obj", COUNT.fetch_add(1, Ordering::Relaxed)));
     std::fs::write(&file, text).unwrap();
     link_shape(Shape::Mesh { file, scale: Vector3::repeat(1.0) })
 }

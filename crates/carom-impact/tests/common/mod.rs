@@ -1,5 +1,4 @@
 //! Shared by the tests: random problems, and comparisons whose messages contain the numbers.
-#![allow(dead_code)] // each test file uses some of it
 
 use carom_impact::{Coefficients, ImpactProblem};
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};

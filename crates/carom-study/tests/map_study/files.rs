@@ -1,6 +1,6 @@
 //! Files of impact maps: their bytes do not depend on threads, interruptions or shards.
 
-use crate::study_in;
+use crate::map_study::study_in;
 use carom_study::map_study::{MapFile, Written};
 use carom_study::{Study, StudyError};
 use parquet::file::reader::{FileReader, SerializedFileReader};

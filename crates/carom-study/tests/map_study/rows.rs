@@ -1,6 +1,6 @@
 //! Rows of impact maps agree with single impacts, and do not depend on other rows.
 
-use crate::{robot, study};
+use crate::map_study::{robot, study};
 use carom_chain::Chain;
 use carom_impact::{Coefficients, law_by_name};
 use carom_sim::{ChainImpact, Impacts};

@@ -1,27 +1,20 @@
 //! Contacts between two links of a chain.
 
-use carom::impact::{Coefficients, Energetic};
-use carom::sim::{ContactLaw, ContactRule, Event, EventKind, SeveralLaw, Simulation, Touch};
-use carom::{Chain, Frictionless};
-use carom_chain::urdf::LoadOptions;
+use carom_chain::Chain;
+use carom_impact::Frictionless;
+use carom_impact::{Coefficients, Energetic};
+use carom_sim::{ContactLaw, ContactRule, Event, EventKind, SeveralLaw, Simulation, Touch};
+use carom_testing::build::{O, Part, X, Z, ball, brick, chain};
+use carom_testing::scenes::shipped;
 use nalgebra::Vector3;
 
 const RADIUS: f64 = 0.1;
 
 /// Balls of 1 kg on a common line, each with a slider of its own along it.
 fn row(count: usize) -> Chain {
-    let ball = |k: usize| {
-        format!(
-            r#"<link name="ball{k}"><inertial><mass value="1"/>
-              <inertia ixx="0.004" ixy="0" ixz="0" iyy="0.004" iyz="0" izz="0.004"/></inertial>
-              <collision><geometry><sphere radius="{RADIUS}"/></geometry></collision></link>
-            <joint name="x{k}" type="prismatic"><parent link="world"/><child link="ball{k}"/><axis xyz="1 0 0"/>
-              <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>"#
-        )
-    };
-    let text =
-        format!(r#"<robot name="row"><link name="world"/>{}</robot>"#, (1..=count).map(ball).collect::<String>());
-    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+    let slider = |k: usize| Part::slider(&format!("ball{k}"), "base", X).limits(-100.0, 100.0, 0.0);
+    let balls = (1..=count).map(|k| slider(k).weighing(1.0, [0.004; 3]).shaped(&ball(RADIUS)));
+    chain(&balls.collect::<Vec<_>>())
 }
 
 /// A simulation in which neighbouring balls may touch.
@@ -77,20 +70,10 @@ fn each_law_of_several_contacts_gives_its_cradle_velocities() {
 /// An oblique collision of two free bodies with friction conserves linear and angular momentum and loses energy.
 #[test]
 fn a_collision_of_free_bodies_conserves_momentum() {
-    let body = |name: &str, mass: f64, inertia: f64, shape: &str| {
-        format!(
-            r#"<link name="{name}"><inertial><mass value="{mass}"/>
-              <inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/></inertial>
-              <collision><geometry>{shape}</geometry></collision></link>
-            <joint name="{name}_free" type="floating"><parent link="world"/><child link="{name}"/></joint>"#
-        )
+    let body = |name: &str, mass: f64, inertia: f64, element: &str| {
+        Part::new(name, "base", "floating", Z, O).weighing(mass, [inertia; 3]).shaped(element)
     };
-    let text = format!(
-        r#"<robot name="pair"><link name="world"/>{}{}</robot>"#,
-        body("ball", 2.0, 0.02, r#"<sphere radius="0.1"/>"#),
-        body("box", 3.0, 0.05, r#"<box size="0.4 0.4 0.4"/>"#)
-    );
-    let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
+    let chain = chain(&[body("ball", 2.0, 0.02, &ball(0.1)), body("box", 3.0, 0.05, &brick([0.4; 3]))]);
     let momenta = |q: &[f64], qd: &[f64]| {
         let (mut linear, mut angular) = (Vector3::zeros(), Vector3::zeros());
         for (k, (mass, inertia)) in [(2.0, 0.02), (3.0, 0.05)].into_iter().enumerate() {
@@ -125,7 +108,7 @@ fn a_collision_of_free_bodies_conserves_momentum() {
 /// Newton's cradle as shipped: the impacts are equally spaced in time and the energy is conserved.
 #[test]
 fn a_cradle_keeps_its_period_and_energy() {
-    let scene = carom::sim::Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cradle.toml")).unwrap();
+    let scene = shipped("cradle");
     let plan = scene.plan().unwrap();
     let run = plan.simulation.run(&plan.q, &plan.qd, 6.0).unwrap();
     let energy = &run.summary.energy;

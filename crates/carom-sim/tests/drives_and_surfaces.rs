@@ -1,35 +1,28 @@
 //! Closed forms for dry friction, damping, torque tables, latches, moving surfaces and controllers, and the energy balance
 //! of each.
 
-use carom::sim::{
+use carom_chain::Chain;
+use carom_contact::Obstacle;
+use carom_sim::{
     ContactMode, ContactRule, Drive, EventKind, ImpactInvariant, Oscillation, Simulation, Surface, Touch, Transition,
 };
-use carom::{Chain, Newton};
-use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
+use carom_testing::build::{self, O, Part, Z, chain};
+use carom_testing::files::robot;
+use carom_testing::scenes::{self, DOWN, G, half_space, level, newton, surface};
 use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
 
-const G: f64 = 9.81;
-
+/// A ball of 2 kg on a vertical slider, with more elements of the joint.
 fn slider(dynamics: &str) -> Chain {
-    let text = format!(
-        r#"<robot name="slider"><link name="world"/>
-        <link name="ball">
-          <inertial><mass value="2"/><inertia ixx="0.008" ixy="0" ixz="0" iyy="0.008" iyz="0" izz="0.008"/></inertial>
-          <collision><geometry><sphere radius="0.1"/></geometry></collision>
-        </link>
-        <joint name="slide" type="prismatic"><parent link="world"/><child link="ball"/><axis xyz="0 0 1"/>
-          <limit lower="-1000" upper="1000" effort="0" velocity="0"/>{dynamics}</joint></robot>"#
-    );
-    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+    let ball = Part::slider("ball", "base", Z).limits(-1000.0, 1000.0, 0.0).joint(dynamics);
+    chain(&[ball.weighing(2.0, [0.008; 3]).shaped(&build::ball(0.1))])
 }
 
 fn free(chain: Chain) -> Simulation {
     Simulation { tolerance: 1e-11, ..Simulation::new(chain, Vec::new()) }
 }
 
-fn assert_energy_balance(run: &carom::sim::Trajectory) {
+fn assert_energy_balance(run: &carom_sim::Trajectory) {
     let balance = run.summary.energy;
     let scale = balance.start.abs().max(balance.end.abs()).max(balance.impacts.abs()).max(1e-3);
     assert!(balance.error().abs() < 1e-8 * scale, "{balance:?}, error {}", balance.error());
@@ -75,27 +68,21 @@ fn a_damped_velocity_decays_exponentially() {
     assert!((run.summary.last.qd[0] - (-4.0_f64).exp()).abs() < 1e-10);
     assert_energy_balance(&run);
     // The implicit integrator gives the same result.
-    let stiff = Simulation { integrator: carom::sim::Integrator::Radau, tolerance: 1e-8, ..sim };
+    let stiff = Simulation { integrator: carom_sim::Integrator::Radau, tolerance: 1e-8, ..sim };
     let other = stiff.run(&[0.0], &[1.0], 2.0).unwrap();
     assert!((other.summary.last.qd[0] - run.summary.last.qd[0]).abs() < 1e-8);
 }
 
 fn touching(chain: &Chain, obstacle: Obstacle, contact: ContactRule, motion: Option<Oscillation>) -> Vec<Touch> {
-    let motion = motion.map(Into::into);
-    let surface = Surface { name: "surface".into(), obstacle, contact, motion };
-    Touch::all(chain, &[surface], 0.0).unwrap().touches.into_iter().filter(|touch| touch.link().is_some()).collect()
-}
-
-fn level() -> Obstacle {
-    Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap()
+    scenes::touching(chain, &[Surface { motion: motion.map(Into::into), ..surface("surface", obstacle, contact) }])
 }
 
 /// A latch sets the velocity of the tip to zero by an impulse along M⁻¹Jᵀ and holds the tip from then on. With two joints
 /// and two held directions the arm is at rest.
 #[test]
 fn a_latch_holds_the_tip_at_rest() {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
-    let wall = Obstacle::half_space(Vector3::new(0.64, 0.0, 0.0), -Vector3::x()).unwrap();
+    let chain = robot("planar2");
+    let wall = half_space([0.64, 0.0, 0.0], -Vector3::x());
     let rule = ContactRule { latch: true, ..ContactRule::default() };
     let touches = touching(&chain, wall, rule, None);
     let touches = touches.into_iter().filter(|touch| touch.link() == Some("tip")).collect();
@@ -125,10 +112,10 @@ fn a_ball_on_a_vibrating_table_doubles_its_period_at_the_closed_form_amplitude()
             let amplitude = gamma * G / (omega * omega);
             let chain = slider("");
             let motion = Oscillation { amplitude: Vector3::z() * amplitude, frequency: omega, phase: 0.0 };
-            let rule = ContactRule::new(Newton { restitution: e, friction: 0.0 });
+            let rule = newton(e, 0.0);
             let touches = touching(&chain, level(), rule.clone(), Some(motion));
             let mut sim = Simulation { tolerance: 1e-11, zeno_time: 1e-7, ..Simulation::new(chain, touches) };
-            sim.gravity = Vector3::new(0.0, 0.0, -G);
+            sim.gravity = DOWN;
             // The orbit of period one: relative velocity U after the bounce, flight of one period, v⁺ = g T/2, and
             // v⁺ − s' = −e(−v⁺ − s') gives s' = A ω cos φ = (1−e)/(1+e) g T/2.
             let period = TAU / omega;
@@ -153,10 +140,10 @@ fn a_ball_on_a_vibrating_table_doubles_its_period_at_the_closed_form_amplitude()
 #[test]
 fn the_flow_through_a_bounce_has_the_published_derivative() {
     let chain = slider("");
-    let rule = ContactRule::new(Newton { restitution: 0.8, friction: 0.0 });
+    let rule = newton(0.8, 0.0);
     let touches = touching(&chain, level(), rule, None);
     let mut sim = Simulation { tolerance: 1e-12, ..Simulation::new(chain, touches) };
-    sim.gravity = Vector3::new(0.0, 0.0, -G);
+    sim.gravity = DOWN;
     let flow = |y: f64, v: f64| {
         let last = sim.run(&[y + 0.1], &[v], 0.3).unwrap().summary.last;
         [last.q[0], last.qd[0]]
@@ -175,9 +162,9 @@ fn the_flow_through_a_bounce_has_the_published_derivative() {
 }
 
 fn wall_arm(drive: Drive, after: Option<Drive>, e: f64) -> (Simulation, [f64; 2], Vec<f64>) {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
-    let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
-    let rule = ContactRule::new(Newton { restitution: e, friction: 0.0 });
+    let chain = robot("planar2");
+    let wall = half_space([0.6464, 0.0, 0.0], -Vector3::x());
+    let rule = newton(e, 0.0);
     let touches = touching(&chain, wall, rule, None).into_iter().filter(|t| t.link() == Some("tip")).collect();
     let q = [PI / 4.0, -PI / 2.0];
     let mut ws = chain.workspace();
@@ -246,7 +233,7 @@ fn impact_invariant_feedback_is_continuous_at_an_impact() {
         let mut ws = chain.workspace();
         let mut kin = ws.update(chain, &event.q).unwrap();
         let m = kin.mass_matrix();
-        let bias = |qd: &[f64], kin: &mut carom::Kinematics<carom_chain::Spatial<f64>>| {
+        let bias = |qd: &[f64], kin: &mut carom_chain::Kinematics<carom_chain::Spatial<f64>>| {
             kin.bias(qd, Vector3::zeros()).unwrap()
         };
         let (c_minus, c_plus) = (bias(&event.qd_minus, &mut kin), bias(&event.qd_plus, &mut kin));
@@ -261,22 +248,13 @@ fn impact_invariant_feedback_is_continuous_at_an_impact() {
 /// damping 1.7² d, the friction 1.7 f and the limits at the same places.
 #[test]
 fn damping_friction_and_limits_of_a_mimic_joint_act() {
-    let link = |name: &str| {
-        format!(
-            "<link name='{name}'><inertial><origin xyz='0.25 0 0.02'/><mass value='0.9'/><inertia ixx='0.02' ixy='0' ixz='0' iyy='0.02'
-             iyz='0' izz='0.02'/></inertial></link>"
-        )
+    let link = |name: &str, parent: &str, joint: &str| {
+        let link = Part::new(name, parent, "revolute", [0.0, -1.0, 0.0], O).com([0.25, 0.0, 0.02]);
+        link.weighing(0.9, [0.02; 3]).joint(joint)
     };
     let chain = |own: &str, follower: &str| {
-        let text = format!(
-            "<robot name='pair'><link name='base'/>{}{}
-             <joint name='j' type='revolute'><parent link='base'/><child link='a'/><axis xyz='0 -1 0'/>{own}</joint>
-             <joint name='k' type='revolute'><parent link='a'/><child link='b'/><origin xyz='0.5 0 0'/><axis xyz='0 -1 0'/>
-             <mimic joint='j' multiplier='-1.7' offset='0.2'/>{follower}</joint></robot>",
-            link("a"),
-            link("b")
-        );
-        Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+        let follower = format!("<mimic joint='ja' multiplier='-1.7' offset='0.2'/>{follower}");
+        chain(&[link("a", "base", own), link("b", "a", &follower).at([0.5, 0.0, 0.0])])
     };
     let wide = "<limit lower='-50' upper='50' effort='9' velocity='9'/>";
     // k in [-2, 0.5] is j in [(0.5 - 0.2)/-1.7, (-2 - 0.2)/-1.7].
@@ -289,7 +267,7 @@ fn damping_friction_and_limits_of_a_mimic_joint_act() {
     for (follower, leader, least) in cases {
         let run = |chain: Chain| {
             let touches = Touch::all(&chain, &[], 0.4).unwrap().touches;
-            let gravity = Vector3::new(0.0, 0.0, -G);
+            let gravity = DOWN;
             let sim = Simulation { gravity, tolerance: 1e-10, ..Simulation::new(chain, touches) };
             sim.run(&[0.4], &[2.0], 2.0).unwrap()
         };
@@ -309,9 +287,7 @@ fn a_joint_with_dry_friction_leaves_its_limit_where_no_admissible_force_holds_it
     for at_limit in [false, true] {
         let chain = slider(r#"<dynamics friction="3"/>"#);
         let mut sim = free(chain);
-        let surface = Obstacle::half_space(Vector3::new(0.0, 0.0, -0.1), Vector3::z()).unwrap();
-        let contact = ContactRule::new(Newton { restitution: 0.0, friction: 0.0 });
-        let floor = Surface { name: "floor".into(), obstacle: surface, contact, motion: None };
+        let floor = surface("floor", half_space([0.0, 0.0, -0.1], Vector3::z()), newton(0.0, 0.0));
         sim.touches = Touch::all(&sim.chain, &[floor], 0.0).unwrap().touches;
         // At its upper limit the joint is pushed up, on the floor it is pressed down.
         let (q, sign) = if at_limit { (1000.0, 1.0) } else { (0.0, -1.0) };

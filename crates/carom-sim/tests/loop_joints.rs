@@ -1,13 +1,11 @@
 //! Loops as joints: a robot whose joint is a loop moves and is struck as the same robot with the joint in its tree.
 
-use carom::Chain;
-use carom::sim::{ContactLaw, ContactRule, Event, Loop, LoopFrame, LoopJoint, Sampling, Simulation, Surface, Touch};
-use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
-use carom_impact::Coefficients;
+use carom_chain::Chain;
+use carom_sim::{Event, Loop, LoopFrame, LoopJoint, Sampling, Simulation, Touch};
+use carom_testing::build::of_urdf;
+use carom_testing::scenes::{G, half_space, rule, surface};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-const G: f64 = 9.81;
 /// A turn and a place in general position.
 const RPY: [f64; 3] = [0.4, -0.7, 1.1];
 const XYZ: [f64; 3] = [0.3, 0.1, -0.2];
@@ -34,17 +32,13 @@ fn joint(name: &str, kind: &str, parent: &str, child: &str, place: ([f64; 3], [f
 const HINGE: &str = r#"<axis xyz="0.2 1 0.1"/>"#;
 
 fn chain(links: &str) -> Chain {
-    let text = format!(r#"<robot name="robot"><link name="ground"/>{links}</robot>"#);
-    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+    of_urdf(&format!(r#"<robot name="robot"><link name="ground"/>{links}</robot>"#))
 }
 
 /// With a wall of some friction and restitution at this height in the way of the balls.
 fn simulation(chain: Chain, loops: Vec<Loop>, height: f64) -> Simulation {
-    let law = Coefficients { restitution: 0.5, friction: 0.3, ..Coefficients::default() };
-    let contact = ContactRule::new(ContactLaw::named("energetic", law).unwrap());
-    let obstacle = Obstacle::half_space(Vector3::new(0.0, 0.0, height), Vector3::new(0.2, -0.1, 1.0)).unwrap();
-    let surface = Surface { name: "wall".into(), obstacle, contact, motion: None };
-    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
+    let obstacle = half_space([0.0, 0.0, height], [0.2, -0.1, 1.0]);
+    let touches = Touch::all(&chain, &[surface("wall", obstacle, rule("energetic", 0.5, 0.3))], 0.0).unwrap().touches;
     Simulation { loops, gravity: Vector3::new(2.0, 0.0, -G), tolerance: 1e-12, ..Simulation::new(chain, touches) }
 }
 
@@ -157,7 +151,7 @@ fn a_point_is_a_spherical_pendulum() {
     let mut states = Vec::new();
     let sampling = Sampling { every: Some(0.25), dense: false };
     sim.stream(&q, &qd, duration, sampling, &mut |seen| {
-        if let carom::sim::Seen::Moment(moment) = seen {
+        if let carom_sim::Seen::Moment(moment) = seen {
             states.push(moment.clone());
         }
     })

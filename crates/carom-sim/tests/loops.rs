@@ -1,10 +1,9 @@
 //! Mechanisms with closed loops in motion: closed forms, conservation laws, the same robot as a tree.
 
-mod mechanisms;
-
-use carom::Chain;
-use carom::sim::{Loop, LoopFrame, LoopJoint, Moment, Sampling, Seen, SimError, Simulation, Spring, Summary};
-use mechanisms::{Cut, FourBar, G, Rod, n_four_bar, pin, turned};
+use carom_chain::Chain;
+use carom_sim::{Loop, LoopFrame, LoopJoint, Moment, Sampling, Seen, SimError, Simulation, Spring, Summary};
+use carom_testing::mechanisms::{Cut, FourBar, Rod, n_four_bar, pin, turned};
+use carom_testing::scenes::G;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
@@ -125,7 +124,7 @@ fn a_crank_rocker_does_not_drift_over_many_revolutions() {
 }
 
 #[test]
-#[ignore = "ten minutes: cargo test --test loops -- --ignored"]
+#[ignore = "ten minutes: cargo test loops:: -- --ignored"]
 fn a_crank_rocker_does_not_drift_over_a_hundred_thousand_revolutions() {
     does_not_drift(13_900.0, 1e5, 1e-5);
 }
@@ -278,7 +277,10 @@ fn dry_friction_changes_its_direction_at_the_dead_points_of_a_slider() {
         </inertial></link><joint name="slide" type="prismatic"><parent link="ground"/><child link="slider"/><axis xyz="1 0 0"/>
         <limit lower="-9" upper="9" effort="9" velocity="9"/><dynamics friction="{f}"/></joint>"#
     );
-    let chain = mechanisms::chain_and(&[Rod::new("crank", "ground", 0.0, r), Rod::new("rod", "crank", r, l)], &slider);
+    let chain = carom_testing::mechanisms::chain_and(
+        &[Rod::new("crank", "ground", 0.0, r), Rod::new("rod", "crank", r, l)],
+        &slider,
+    );
     let frame = |link, x| LoopFrame::new(Some(link), [x, 0.0, 0.0], [0.0; 3]);
     let joint = LoopJoint::Pin { axis: Vector3::z() };
     let loops = vec![Loop { name: "pin".into(), joint, frames: [frame("rod", l), frame("slider", 0.0)] }];

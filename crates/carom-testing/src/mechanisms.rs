@@ -1,27 +1,31 @@
 //! Mechanisms of the tests of loops: uniform rods with hinges about z, in the x–y plane.
-#![allow(dead_code)] // Each test file uses its part.
 
-use carom::Chain;
-use carom::sim::{Loop, LoopFrame, LoopJoint};
-use carom_chain::urdf::LoadOptions;
+use crate::build::of_urdf;
+use carom_chain::Chain;
+use carom_sim::{Loop, LoopFrame, LoopJoint};
 use nalgebra::Vector3;
 
-pub const G: f64 = 9.81;
-
 /// A rod along its x axis, with its hinge in its origin.
+#[derive(Debug)]
 pub struct Rod<'a> {
+    /// Of its link; the joint has this name with `j_` before it.
     pub name: &'a str,
+    /// The link on which its hinge is.
     pub parent: &'a str,
     /// Distance of the hinge along the x axis of the parent, m.
     pub at: f64,
+    /// m
     pub length: f64,
+    /// kg
     pub mass: f64,
-    /// More elements of the link, and of its joint.
+    /// More elements of the link.
     pub shapes: String,
+    /// More elements of the joint.
     pub joint: &'a str,
 }
 
 impl<'a> Rod<'a> {
+    /// A rod of 1 kg.
     pub fn new(name: &'a str, parent: &'a str, at: f64, length: f64) -> Self {
         Self { name, parent, at, length, mass: 1.0, shapes: String::new(), joint: "" }
     }
@@ -32,6 +36,7 @@ pub fn ball(x: f64, radius: f64) -> String {
     format!(r#"<collision><origin xyz="{x} 0 0"/><geometry><sphere radius="{radius}"/></geometry></collision>"#)
 }
 
+/// Rods on the link `ground`.
 pub fn chain(rods: &[Rod]) -> Chain {
     chain_and(rods, "")
 }
@@ -52,7 +57,7 @@ pub fn chain_and(rods: &[Rod], more: &str) -> Chain {
     }
     text += more;
     text += "</robot>";
-    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+    of_urdf(&text)
 }
 
 /// A parallelogram: two upright rods 1 m apart, at the angle q₁ to the ground, with a coupler that stays level; q = (θ, −θ, θ).
@@ -66,8 +71,10 @@ pub fn parallelogram(shapes: String, joint: &str) -> (Chain, Vec<Loop>) {
     (chain(&rods), vec![closure(pin(), ("coupler", 1.0), (Some("right"), 1.0))])
 }
 
+/// Of [`parallelogram`] about θ, kg m².
 pub const PARALLELOGRAM_INERTIA: f64 = 5.0 / 3.0;
 
+/// A pin about z.
 pub fn pin() -> LoopJoint {
     LoopJoint::Pin { axis: Vector3::z() }
 }
@@ -90,9 +97,13 @@ pub enum Cut {
 /// A four-bar linkage: the lengths of crank, coupler and rocker, and the distance of the feet on the ground, m.
 #[derive(Debug, Clone, Copy)]
 pub struct FourBar {
+    /// m
     pub crank: f64,
+    /// m
     pub coupler: f64,
+    /// m
     pub rocker: f64,
+    /// m
     pub ground: f64,
 }
 
@@ -152,6 +163,7 @@ impl FourBar {
         ])
     }
 
+    /// The loop at the place of the cut.
     pub fn closure(&self, cut: Cut, joint: LoopJoint) -> Loop {
         match cut {
             Cut::Joint => closure(joint, ("coupler", self.coupler), (Some("rocker"), self.rocker)),

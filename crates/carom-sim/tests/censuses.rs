@@ -1,14 +1,11 @@
 //! Censuses in small; `cargo run --release -p carom-sim --example census -- NAME` runs them in large.
 
-#[path = "mod.rs"]
-mod census;
-
 use std::path::Path;
 
 /// The scenes of the first bad answer are written into a folder for its reader.
 fn holds(name: &str) {
-    let census = census::CENSUSES.iter().find(|census| census.name == name).expect("a census of this name");
-    let (text, bad) = census::report(census, 0..census.few);
+    let census = crate::census::CENSUSES.iter().find(|census| census.name == name).expect("a census of this name");
+    let (text, bad) = crate::census::report(census, 0..census.few);
     let Some(&seed) = bad.first() else { return };
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("census-{name}-{seed}"));
     for (number, case) in (census.cases)(seed).iter().enumerate() {

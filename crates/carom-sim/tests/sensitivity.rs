@@ -1,23 +1,10 @@
 //! Derivatives of whole runs: against closed forms, and against differences of runs.
 
-use carom::Chain;
-use carom::impact::{Damping, Newton};
-use carom::sim::{Compliance, ContactRule, Parameter, Scene, Sensitivity, Simulation, Surface, Touch, Yielding};
-use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
+use carom_impact::{Damping, Newton};
+use carom_sim::{Compliance, ContactRule, Parameter, Scene, Sensitivity, Simulation, Touch, Yielding};
+use carom_testing::build::{self, Part, X, Y, Z, along, chain, falling_ball};
+use carom_testing::scenes::{changed, newton, on_floor};
 use nalgebra::{DMatrix, DVector, Vector3};
-
-const SCENES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes");
-
-/// The text of a scene with some of its text replaced.
-fn scene(name: &str, changes: &[(&str, &str)]) -> Scene {
-    let mut text = std::fs::read_to_string(format!("{SCENES}/{name}.toml")).unwrap();
-    for (old, new) in changes {
-        assert!(text.contains(old), "{name}: {old}");
-        text = text.replace(old, new);
-    }
-    Scene::from_toml(&text, SCENES).unwrap()
-}
 
 /// The final state as displacement from `last` and velocity.
 fn end(sim: &Simulation, last: &[f64], q: &[f64], qd: &[f64], duration: f64) -> DVector<f64> {
@@ -90,7 +77,7 @@ fn sensitivities_equal_differences_of_runs() {
         ("ball", 1e-5),
         ("chain10", 1e-4),
     ] {
-        let own = scene(name, &[]);
+        let own = changed(name, &[]);
         check(name, &own, own.duration, None, h);
     }
 }
@@ -99,7 +86,7 @@ fn sensitivities_equal_differences_of_runs() {
 /// are lifted by the impact of the other edge.
 #[test]
 fn sensitivities_of_a_tumbling_box_equal_differences_of_runs() {
-    let found = check("box", &scene("box", &[]), 0.6, None, 1e-7);
+    let found = check("box", &changed("box", &[]), 0.6, None, 1e-7);
     let zeno = found.events.iter().filter(|event| event.kinds.contains(&"zeno")).count();
     assert_eq!(zeno, 3);
 }
@@ -110,7 +97,7 @@ fn sensitivities_of_a_quadruped_that_lands_tilted_equal_differences_of_runs() {
     let (x, y) = (0.06, 0.05);
     let start = format!("q = [0, 0, 0.40, {x}, {y}, 0.0, {}, ", (1.0_f64 - x * x - y * y).sqrt());
     let own = [("q = [0, 0, 0.376, 0, 0, 0, 1, ", start.as_str()), ("effort_limits = true\n", ""), ("1e-8", "1e-9")];
-    let found = check("quadruped", &scene("quadruped", &own), 0.15, Some(&[2, 3, 6, 10, 20, 24, 36, 37]), 1e-7);
+    let found = check("quadruped", &changed("quadruped", &own), 0.15, Some(&[2, 3, 6, 10, 20, 24, 36, 37]), 1e-7);
     let kinds = || found.events.iter().map(|event| &event.kinds);
     assert_eq!(kinds().filter(|kinds| ["impact", "several"].contains(&kinds[0])).count(), 5, "{:?}", found.events);
     assert!(kinds().filter(|kinds| kinds.contains(&"sticking")).count() >= 3, "{:?}", found.events);
@@ -119,7 +106,7 @@ fn sensitivities_of_a_quadruped_that_lands_tilted_equal_differences_of_runs() {
 /// A four-bar linkage whose coupler strikes a stop three times. (It comes to rest later, wherever it started.)
 #[test]
 fn sensitivities_of_a_four_bar_that_strikes_a_stop_equal_differences_of_runs() {
-    let found = check("four_bar", &scene("four_bar", &[]), 0.41, None, 1e-6);
+    let found = check("four_bar", &changed("four_bar", &[]), 0.41, None, 1e-6);
     let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
     assert_eq!(kinds, ["impact"; 3]);
 }
@@ -130,7 +117,7 @@ fn sensitivities_of_an_arm_that_comes_to_press_on_a_wall_equal_differences_of_ru
     let pd = "controller = \"pd\"\nkp = { shoulder = 40, elbow = 10 }\nkd = { shoulder = 6, elbow = 1.5 }\ntarget = [0.85, -1.5]";
     let own =
         [("controller = \"off\"", pd), ("friction = 0.0", "friction = 0.3"), ("duration = 0.5", "duration = 1.5")];
-    let found = check("pressed", &scene("planar2", &own), 1.5, None, 4e-6);
+    let found = check("pressed", &changed("planar2", &own), 1.5, None, 4e-6);
     let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
     assert!(kinds.contains(&"impact") && kinds.contains(&"zeno"), "{kinds:?}");
     assert_eq!(found.names.len(), 4 + 2 + 6, "{:?}", found.names);
@@ -141,25 +128,14 @@ fn sensitivities_of_an_arm_that_comes_to_press_on_a_wall_equal_differences_of_ru
 fn sensitivities_through_a_contact_with_a_bristle_equal_differences_of_runs() {
     let bristle =
         "friction = 0.4\ncompliance = { stiffness = 1e8, exponent = 3.0, bristle = { stiffness = 1e4, damping = 50 } }";
-    let found = check("bristle", &scene("planar2", &[("friction = 0.0", bristle)]), 0.5, None, 1e-6);
+    let found = check("bristle", &changed("planar2", &[("friction = 0.0", bristle)]), 0.5, None, 1e-6);
     let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
     assert_eq!(kinds, ["pressing", "lift-off"]);
 }
 
 /// A ball of radius 0.1 m on a vertical slider over the floor z = 0.
 fn ball(contact: ContactRule) -> Simulation {
-    let text = r#"<robot name="ball"><link name="world"/>
-        <link name="ball">
-          <inertial><mass value="2"/><inertia ixx="0.008" ixy="0" ixz="0" iyy="0.008" iyz="0" izz="0.008"/></inertial>
-          <collision><geometry><sphere radius="0.1"/></geometry></collision>
-        </link>
-        <joint name="fall" type="prismatic"><parent link="world"/><child link="ball"/><axis xyz="0 0 1"/>
-          <limit lower="-1000" upper="1000" effort="0" velocity="0"/></joint></robot>"#;
-    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
-    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let floor = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
-    let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
-    Simulation { gravity: Vector3::new(0.0, 0.0, -9.81), ..Simulation::new(chain, touches) }
+    on_floor(falling_ball(), contact)
 }
 
 /// Dropped from the height h, with v = √(2 g h) and s = T − v/g the ball is at e v s − g s²/2 after its first bounce. Its
@@ -207,28 +183,9 @@ fn times_of_the_last_impacts_before_rest_have_right_derivatives_or_none() {
 /// A ball that does not roll slides over the floor z = 0, and a force turns its slip by more than 90° before an event ends the leg.
 #[test]
 fn sensitivities_of_slip_that_turns_back_equal_differences_of_runs() {
-    let slide = |name: &str, parent: &str, axis: &str| {
-        format!(
-            r#"<joint name="{name}" type="prismatic"><parent link="{parent}"/><child link="of {name}"/><axis xyz="{axis}"/>
-              <limit lower="-1000" upper="1000" effort="0" velocity="0"/></joint>"#
-        )
-    };
-    let text = format!(
-        r#"<robot name="ball"><link name="world"/><link name="of x"/><link name="of y"/>
-          <link name="of z"><inertial><mass value="1"/>
-            <inertia ixx="0.004" ixy="0" ixz="0" iyy="0.004" iyz="0" izz="0.004"/></inertial>
-            <collision><geometry><sphere radius="0.1"/></geometry></collision></link>{}{}{}</robot>"#,
-        slide("x", "world", "1 0 0"),
-        slide("y", "of x", "0 1 0"),
-        slide("z", "of y", "0 0 1")
-    );
-    let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
-    let contact = ContactRule::new(Newton { restitution: 0.0, friction: 0.3 });
-    let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let floor = Surface { name: "floor".into(), obstacle, contact, motion: None };
-    let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
-    let sim =
-        Simulation { gravity: Vector3::new(-5.0, 0.0, -10.0), tolerance: 1e-10, ..Simulation::new(chain, touches) };
+    let ball = along(&[X, Y, Z], 1.0, [0.004; 3], &build::ball(0.1));
+    let gravity = Vector3::new(-5.0, 0.0, -10.0);
+    let sim = Simulation { gravity, tolerance: 1e-10, ..on_floor(ball, newton(0.0, 0.3)) };
     let parameters = [Parameter::friction()];
     for (start, duration) in [([1.0, 1.0, 0.0], 0.5), ([1.0, 0.03, 0.0], 1.0)] {
         let found = sim.sensitivity(&[0.0, 0.0, 0.1], &start, duration, &parameters).unwrap();
@@ -244,19 +201,9 @@ fn sensitivities_of_slip_that_turns_back_equal_differences_of_runs() {
 /// Two equal balls on a line exchange their velocities: the final velocity of each is the initial one of the other.
 #[test]
 fn an_elastic_pair_exchanges_its_gradients() {
-    let body = |name: &str| {
-        format!(
-            r#"<link name="{name}"><inertial><mass value="1"/>
-              <inertia ixx="0.004" ixy="0" ixz="0" iyy="0.004" iyz="0" izz="0.004"/></inertial>
-              <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
-            <joint name="slide_{name}" type="prismatic"><parent link="world"/><child link="{name}"/><axis xyz="1 0 0"/>
-              <limit lower="-1000" upper="1000" effort="0" velocity="0"/></joint>"#
-        )
-    };
-    let text = format!(r#"<robot name="pair"><link name="world"/>{}{}</robot>"#, body("one"), body("other"));
-    let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
-    let rule = ContactRule::new(Newton { restitution: 1.0, friction: 0.0 });
-    let touches = Touch::between(&chain, "one", "other", &rule).unwrap();
+    let body = |name: &str| Part::slider(name, "base", X).weighing(1.0, [0.004; 3]).shaped(&build::ball(0.1));
+    let chain = chain(&[body("one"), body("other")]);
+    let touches = Touch::between(&chain, "one", "other", &newton(1.0, 0.0)).unwrap();
     let sim = Simulation::new(chain, touches);
     // They meet at (1 − 0.2)/2 s; then one stands at the place of the meeting less the radius.
     let found = sim.sensitivity(&[0.0, 1.0], &[2.0, 0.0], 1.0, &[]).unwrap();
@@ -289,7 +236,7 @@ fn sensitivities_through_a_compliant_contact_equal_differences_of_runs() {
 /// Grazing, impacts of independent contacts at the same time, an impact at the start, and time steps are named.
 #[test]
 fn where_there_is_no_derivative_the_reason_is_told() {
-    let cradle = scene("cradle", &[("several = \"sequential\"", "several = \"moreau\"")]).plan().unwrap();
+    let cradle = changed("cradle", &[("several = \"sequential\"", "several = \"moreau\"")]).plan().unwrap();
     let sim = &cradle.simulation;
     // The first and the last ball strike the middle one at the same time.
     let found = sim.sensitivity(&[0.5, 0.0, -0.5], &[0.0; 3], 1.0, &[]).unwrap();
@@ -335,11 +282,8 @@ fn a_parameter_that_changes_the_contacts_is_refused() {
 
 /// A block of 2 kg on a slider with dry friction of 3 N.
 fn slider() -> Simulation {
-    let text = "<robot name='slider'><link name='world'/><link name='block'><inertial><mass value='2'/>
-        <inertia ixx='0.01' ixy='0' ixz='0' iyy='0.01' iyz='0' izz='0.01'/></inertial></link>
-        <joint name='slide' type='prismatic'><parent link='world'/><child link='block'/><axis xyz='1 0 0'/>
-        <limit lower='-9' upper='9' effort='0' velocity='9'/><dynamics friction='3'/></joint></robot>";
-    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
+    let block = Part::slider("block", "base", X).limits(-9.0, 9.0, 0.0).joint("<dynamics friction='3'/>");
+    let chain = chain(&[block.weighing(2.0, [0.01; 3])]);
     Simulation { tolerance: 1e-10, ..Simulation::new(chain, Vec::new()) }
 }
 

@@ -1,15 +1,16 @@
 //! One impact of a chain, from the chain over contact and law back to the joints, compared with conservation laws and
 //! closed forms.
 
-use carom::prelude::*;
-use carom::{ChainError, Flags, Mode, SimError};
+use carom_chain::ChainError;
+use carom_chain::uniform_chain;
+use carom_impact::*;
+use carom_impact::{Flags, Mode};
+use carom_sim::SimError;
+use carom_sim::*;
+use carom_testing::files::robot;
 use nalgebra::Vector3;
 
 const ROBOTS: [&str; 3] = ["planar2", "planar3", "arm7"];
-
-fn robot(name: &str) -> Chain {
-    Chain::from_urdf_file(format!("{}/robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap()
-}
 
 fn random(rng: &mut fastrand::Rng, n: usize, size: f64) -> Vec<f64> {
     (0..n).map(|_| (rng.f64() * 2.0 - 1.0) * size).collect()
@@ -139,7 +140,7 @@ fn a_separating_contact_has_zero_impulse() {
 /// The branch-free kernel gives the result of the checked interface, in space and in the plane.
 #[test]
 fn frictionless_kernel_equals_the_checked_interface() {
-    use carom::sim::frictionless_jump_into;
+    use carom_sim::frictionless_jump_into;
     let mut rng = fastrand::Rng::with_seed(5);
     for name in ROBOTS {
         let chain = robot(name);
@@ -193,7 +194,7 @@ fn slices_of_the_wrong_length_are_refused() {
     let mut kin = ws.update(&chain, &[0.3, 0.4]).unwrap();
     let normal = -Vector3::x();
     let (mut short, mut right) = ([0.0; 1], [0.0; 2]);
-    let jump = carom::sim::frictionless_jump_into(&mut kin, point, normal, 0.5, &[0.1, 0.2], &mut short, &mut right);
+    let jump = carom_sim::frictionless_jump_into(&mut kin, point, normal, 0.5, &[0.1, 0.2], &mut short, &mut right);
     assert!(matches!(jump, Err(ChainError::WrongLength { got: 1, expected: 2, .. })));
 }
 

@@ -1,43 +1,23 @@
 //! Several lasting contacts, event-driven: closed forms, and independent integrations.
 
-use carom::Chain;
-use carom::impact::{Coefficients, Newton};
-use carom::sim::{
-    ContactLaw, ContactRule, ContactState, Drive, EventKind, Gains, Sampling, Seen, Simulation, Surface, Touch,
-    Trajectory,
-};
-use carom_contact::Obstacle;
+use carom_chain::Chain;
+use carom_impact::Coefficients;
+use carom_sim::{ContactLaw, ContactState, Drive, EventKind, Gains, Sampling, Seen, Simulation, Trajectory};
+use carom_testing::build::{O, Part, X, Z, ball, brick, chain, floating_box, in_plane, one_body, shape, urdf};
+use carom_testing::scenes::{self, G, among, half_space, newton, surface};
 use nalgebra::{Vector2, Vector3};
-
-mod bodies;
-use bodies::{floating_box, in_plane};
-
-const G: f64 = 9.81;
-
-fn half_space(normal: Vector3<f64>) -> Obstacle {
-    Obstacle::half_space(Vector3::zeros(), normal).unwrap()
-}
 
 /// All contacts of the links, under Newton's law without restitution.
 fn simulation(chain: Chain, surfaces: &[(&str, Vector3<f64>)], friction: f64) -> Simulation {
-    let contact = ContactRule::new(Newton { restitution: 0.0, friction });
-    let surface = |(name, normal): &(&str, Vector3<f64>)| Surface {
-        name: (*name).into(),
-        obstacle: half_space(*normal),
-        contact: contact.clone(),
-        motion: None,
-    };
-    let surfaces: Vec<Surface> = surfaces.iter().map(surface).collect();
-    let touches = Touch::all(&chain, &surfaces, 0.0).unwrap().touches;
-    let touches = touches.into_iter().filter(|touch| touch.link().is_some()).collect();
-    Simulation { gravity: Vector3::new(0.0, 0.0, -G), tolerance: 1e-11, ..Simulation::new(chain, touches) }
+    let plane =
+        |(name, normal): &(&str, Vector3<f64>)| surface(name, half_space([0.0; 3], *normal), newton(0.0, friction));
+    let surfaces: Vec<_> = surfaces.iter().map(plane).collect();
+    Simulation { tolerance: 1e-11, ..among(chain, &surfaces) }
 }
 
 /// A uniform rod of 1 m in the x–z plane, with its ends at ±0.5 along its x axis.
 fn rod(mass: f64) -> Chain {
-    let end = |x: f64| {
-        format!(r#"<collision><origin xyz="{x} 0 0"/><geometry><sphere radius="1e-9"/></geometry></collision>"#)
-    };
+    let end = |x: f64| shape(&ball(1e-9), [x, 0.0, 0.0], O);
     in_plane(mass, mass / 12.0, &(end(-0.5) + &end(0.5)))
 }
 
@@ -243,29 +223,12 @@ fn duplicated_contacts_do_not_change_the_motion() {
 /// after the time v/a and the distance v²/2a with a = 2 μ F/m − g, without a turn, and it stays there.
 #[test]
 fn a_gripper_stops_a_box_without_turning_it() {
-    let body = |name: &str, mass: f64, inertia: f64, size: &str| {
-        format!(
-            r#"<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0"
-            izz="{inertia}"/></inertial><collision><geometry><box size="{size}"/></geometry></collision></link>"#
-        )
+    let finger = |name: &str, axis| {
+        let part = Part::slider(name, "base", axis).limits(-1.0, 1.0, 100.0);
+        part.weighing(0.3, [0.001; 3]).shaped(&brick([0.02, 0.06, 0.05]))
     };
-    let finger = |name: &str, axis: &str| {
-        let joint = format!(
-            r#"<joint name="{name}j" type="prismatic"><parent link="base"/><child link="{name}"/><axis xyz="{axis}"/>
-            <limit lower="-1" upper="1" effort="100" velocity="9"/></joint>"#
-        );
-        body(name, 0.3, 0.001, "0.02 0.06 0.05") + &joint
-    };
-    let gripper = format!(
-        r#"<robot name="gripper"><link name="base"/>{}{}</robot>"#,
-        finger("left", "1 0 0"),
-        finger("right", "-1 0 0")
-    );
-    let object = format!(r#"<robot name="object">{}</robot>"#, body("object", 0.5, 0.002, "0.1 0.1 0.3"));
-    let folder = std::env::temp_dir().join(format!("carom-gripper-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    std::fs::write(folder.join("gripper.urdf"), gripper).unwrap();
-    std::fs::write(folder.join("object.urdf"), object).unwrap();
+    let gripper = urdf(&[finger("left", X), finger("right", [-1.0, 0.0, 0.0])]);
+    let object = one_body(0.5, [0.002; 3], &shape(&brick([0.1, 0.1, 0.3]), O, O));
     let (squeeze, mu, mass, speed) = (12.0, 0.4, 0.5, 0.3);
     let text = format!(
         r#"
@@ -291,8 +254,7 @@ fn a_gripper_stops_a_box_without_turning_it() {
         tolerance = 1e-10
         "#
     );
-    let scene = carom::Scene::from_toml(&text, &folder).unwrap();
-    std::fs::remove_dir_all(&folder).unwrap();
+    let scene = scenes::scene(&[("gripper.urdf", &gripper), ("object.urdf", &object)], &text).unwrap();
     let run = scene.plan().unwrap().run(scene.duration).unwrap();
     let slows = 2.0 * mu * squeeze / mass - G;
     let stop = run.events.iter().find(|event| event.kind.name() == "sticking").expect("the box stops");
@@ -333,15 +295,8 @@ fn the_forces_of_a_leaning_box_are_admissible() {
 /// lift off: the load is negative for some thousandths of the period only, well within a step of the integrator.
 #[test]
 fn a_lift_off_within_a_step_is_seen() {
-    let text = r#"<robot name="hopper"><link name="world"/>
-        <link name="block"><inertial><mass value="1.5"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
-          <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
-        <link name="mass"><inertial><mass value="0.5"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-        <joint name="lift" type="prismatic"><parent link="world"/><child link="block"/><axis xyz="0 0 1"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="spring" type="prismatic"><parent link="block"/><child link="mass"/><axis xyz="0 0 1"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint></robot>"#;
-    let chain = Chain::from_urdf_str(text, &carom_chain::urdf::LoadOptions::default()).unwrap();
+    let block = Part::slider("block", "base", Z).weighing(1.5, [1.0; 3]).shaped(&ball(0.1));
+    let chain = chain(&[block, Part::slider("mass", "block", Z).weighing(0.5, [1.0; 3])]);
     let (stiffness, mass, whole) = (80.0_f64, 0.5, 2.0);
     let frequency = (stiffness / mass).sqrt();
     for (excess, tolerance) in [(1e-3, 1e-6), (1e-4, 1e-6), (1e-4, 1e-9), (1e-5, 1e-9)] {

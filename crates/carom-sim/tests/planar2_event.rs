@@ -7,12 +7,14 @@
 //! | r | 1 µm, the radius of the ball that is the tip |
 //! | n | (−1, 0), the normal of the wall |
 
-use carom::sim::{Drive, Event, EventKind, Integrator, Scene, Simulation, Trajectory};
-use carom::{Chain, Frictionless, Impacts};
+use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
+use carom_impact::Frictionless;
+use carom_sim::Impacts;
+use carom_sim::{Drive, Event, EventKind, Integrator, Scene, Simulation, Trajectory};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 const P1: f64 = 3.473;
 const P2: f64 = 0.196;
 const P3: f64 = 0.242;

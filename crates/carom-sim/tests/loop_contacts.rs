@@ -1,18 +1,15 @@
 //! Mechanisms with closed loops that are struck, pushed and held.
 
-mod mechanisms;
-
-use carom::Chain;
-use carom::impact::ImpactProblem;
-use carom::sim::{
+use carom_chain::Chain;
+use carom_impact::{Coefficients, ImpactProblem, Newton};
+use carom_sim::{
     Compliance, ContactLaw, ContactRule, Drive, Event, EventKind, Holding, Loop, SeveralLaw, Simulation, Spring,
     Surface, Touch, Yielding,
 };
-use carom_contact::Obstacle;
-use carom_impact::{Coefficients, Newton};
-use mechanisms::{
-    Cut, FourBar, G, PARALLELOGRAM_INERTIA as INERTIA, Rod, ball, chain_and, closure, parallelogram, pin, turned,
+use carom_testing::mechanisms::{
+    Cut, FourBar, PARALLELOGRAM_INERTIA as INERTIA, Rod, ball, chain_and, closure, parallelogram, pin, turned,
 };
+use carom_testing::scenes::{G, half_space, surface};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 const BAR: FourBar = FourBar { crank: 0.3, coupler: 0.9, rocker: 0.8, ground: 0.7 };
@@ -22,8 +19,7 @@ fn coefficients(restitution: f64, friction: f64) -> Coefficients {
 }
 
 fn wall(point: Vector3<f64>, normal: Vector3<f64>, law: ContactLaw) -> Surface {
-    let obstacle = Obstacle::half_space(point, normal).unwrap();
-    Surface { name: "wall".into(), obstacle, contact: ContactRule::new(law), motion: None }
+    surface("wall", half_space(point, normal), ContactRule::new(law))
 }
 
 /// Without gravity, with the contacts of the links; joint limits with this restitution.

@@ -1,27 +1,26 @@
 //! Bodies with faces and edges that tumble past each other: no contact is missed, in free motion or beside one that lasts.
 
-mod bodies;
-
-use bodies::floating_box;
-use carom::sim::{ContactRule, Sampling, Seen, Simulation, Surface, Touch};
-use carom::{Chain, Energetic, Newton};
-use carom_chain::urdf::LoadOptions;
+use carom_chain::Chain;
 use carom_contact::Obstacle;
+use carom_impact::{Energetic, Newton};
+use carom_sim::{ContactRule, Sampling, Seen, Simulation, Surface, Touch};
+use carom_testing::build::{O, floating_box, free, shape};
+use carom_testing::scenes::{DOWN, newton, surface};
 use nalgebra::{Isometry3, Matrix3, Quaternion, UnitQuaternion, Vector3};
+use std::f64::consts::FRAC_PI_2;
 
-const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 /// A table 1 m wide, whose top is at z = 0, m.
 const TABLE: Vector3<f64> = Vector3::new(1.0, 1.0, 0.5);
 
 fn table(contact: ContactRule) -> Surface {
     let place = Isometry3::translation(0.0, 0.0, -0.25);
     let obstacle = Obstacle::cuboid(place, TABLE).unwrap();
-    Surface { name: "table".into(), obstacle, contact, motion: None }
+    surface("table", obstacle, contact)
 }
 
 fn simulation(chain: Chain, contact: ContactRule) -> Simulation {
     let touches = Touch::all(&chain, &[table(contact)], 0.0).unwrap().touches;
-    Simulation { gravity: GRAVITY, tolerance: 1e-8, ..Simulation::new(chain, touches) }
+    Simulation { gravity: DOWN, tolerance: 1e-8, ..Simulation::new(chain, touches) }
 }
 
 fn rotation(q: &[f64]) -> Matrix3<f64> {
@@ -87,23 +86,16 @@ fn tumbling_boxes_do_not_pass_through_the_border_of_a_table() {
 /// same inertia does in the plane across the edge.
 #[test]
 fn a_cylinder_along_an_edge_moves_as_a_ball_across_it() {
-    let body = |shape: &str, inertia: &str| {
-        let text = format!(
-            "<robot name='body'><link name='body'><inertial><mass value='2.2'/><inertia {inertia} ixy='0' ixz='0' iyz='0'/></inertial>
-             <collision><origin rpy='1.5707963267948966 0 0'/><geometry>{shape}</geometry></collision></link></robot>"
-        );
-        Chain::from_urdf_str(&text, &LoadOptions { floating_base: true, ..Default::default() }).unwrap()
-    };
+    let body = |element: &str| free(2.2, [0.05, 0.07, 0.05], &shape(element, O, [FRAC_PI_2, 0.0, 0.0]));
     let q = [0.55, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0];
     for (spin, friction) in [(0.0, 0.0), (-5.0, 0.5), (3.0, 0.8)] {
         let run = |shape: &str| {
-            let contact = ContactRule::new(Newton { restitution: 0.3, friction });
-            let sim = simulation(body(shape, "ixx='0.05' iyy='0.07' izz='0.05'"), contact);
+            let sim = simulation(body(shape), newton(0.3, friction));
             sim.run(&q, &[0.2, 0.0, -0.5, 0.0, spin, 0.0], 0.3).unwrap()
         };
         let (cylinder, ball) = (run("<cylinder radius='0.26' length='0.3'/>"), run("<sphere radius='0.26'/>"));
         assert_eq!(cylinder.summary.statistics.contact_steps, 0);
-        let strikes = |run: &carom::sim::Trajectory| run.events.first().map(|event| event.time);
+        let strikes = |run: &carom_sim::Trajectory| run.events.first().map(|event| event.time);
         assert!((strikes(&cylinder).unwrap() - strikes(&ball).unwrap()).abs() < 1e-10);
         let (a, b) = (&cylinder.summary.last, &ball.summary.last);
         for (k, (a, b)) in a.q.iter().chain(&a.qd).zip(b.q.iter().chain(&b.qd)).enumerate() {

@@ -1,21 +1,15 @@
 //! Loops in scene files: starts that are corrected or refused, messages, and the plan.
 
-use carom::sim::{Scene, SimError};
+use carom_sim::{Scene, SimError};
+use carom_testing::{files, scenes};
 
 /// Reads a scene with the four-bar linkage of the repository.
-fn read(name: &str, text: &str) -> Result<Scene, SimError> {
-    let robots = concat!(env!("CARGO_MANIFEST_DIR"), "/robots");
-    let folder = std::env::temp_dir().join(format!("carom-loops-{name}-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    std::fs::copy(format!("{robots}/four_bar.urdf"), folder.join("four_bar.urdf")).unwrap();
-    std::fs::write(folder.join("scene.toml"), text).unwrap();
-    let scene = Scene::from_file(folder.join("scene.toml"));
-    std::fs::remove_dir_all(&folder).unwrap();
-    scene
+fn read(text: &str) -> Result<Scene, SimError> {
+    scenes::scene(&[("four_bar.urdf", &files::text("robots/four_bar.urdf"))], text)
 }
 
-fn said(name: &str, text: &str) -> String {
-    match read(name, text) {
+fn said(text: &str) -> String {
+    match read(text) {
         Err(error) => error.to_string(),
         Ok(scene) => panic!("{text}\n{:?}", scene.simulation.loops),
     }
@@ -35,7 +29,7 @@ fn pin() -> String {
 
 #[test]
 fn a_closed_start_is_taken_as_it_is() {
-    let scene = read("closed", &scene(CLOSED, &pin())).unwrap();
+    let scene = read(&scene(CLOSED, &pin())).unwrap();
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     assert!((scene.q[1] + 1.04891532921801).abs() < 1e-12);
 }
@@ -44,7 +38,7 @@ fn a_closed_start_is_taken_as_it_is() {
 #[test]
 fn an_open_start_is_closed_with_a_warning() {
     let open = "q = [1.57, -1.05, 1.7]\nqd = [8, -8, 3]\n";
-    let scene = read("open", &scene(open, &pin())).unwrap();
+    let scene = read(&scene(open, &pin())).unwrap();
     let [warning] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
     assert!(warning.starts_with("[robot] the start does not close the loops: moved by up to "), "{warning}");
     assert!(warning.contains(&format!("q = {:?}, qd = {:?}", scene.q, scene.qd)), "{warning}");
@@ -118,7 +112,7 @@ fn messages_name_the_loop_and_the_remedy() {
             &["tip_velocity", "[[loop]]", "give qd"],
         ),
     ] {
-        let said = said(name, &text);
+        let said = said(&text);
         assert!(said.contains("scene.toml"), "{name}: {said}");
         for part in parts {
             assert!(said.contains(part), "{name}: '{part}' is missing in: {said}");
@@ -132,7 +126,7 @@ fn controllers_of_trees_are_refused() {
     let wall = "[[surface]]\nshape = { halfspace = { point = [-0.12, 0, 0], normal = [1, 0, 0] } }\n";
     let robot = format!("{CLOSED}tip = \"tip\"\n");
     let controller = "controller = \"impact-invariant\"\nkp = 1\nkd = 1\ntarget = [0, 0, 0]\n";
-    let said = said("transition", &(scene(&robot, &pin()) + controller + wall));
+    let said = said(&(scene(&robot, &pin()) + controller + wall));
     assert!(said.contains("loop 1") && said.contains("choose another controller"), "{said}");
 }
 
@@ -140,13 +134,13 @@ fn controllers_of_trees_are_refused() {
 #[test]
 fn a_plan_keeps_all_joints_and_names_the_loops() {
     let wall = "[[surface]]\nshape = { halfspace = { point = [-0.12, 0, 0], normal = [1, 0, 0] } }\n";
-    let closed = read("plan", &(scene(CLOSED, &pin()) + wall)).unwrap().plan().unwrap();
+    let closed = read(&(scene(CLOSED, &pin()) + wall)).unwrap().plan().unwrap();
     assert_eq!(closed.simulation.chain.nv(), 3);
     assert!(closed.kept.iter().any(|it| it.what == "loops" && it.choice == "loop 1 (pin)"), "{:?}", closed.kept);
     assert!(closed.flat.is_some());
     let text = (scene(CLOSED, &pin()) + wall).replace("[[loop]]", "[[spring]]");
     let open = text.split("[[spring]]").next().unwrap().to_owned() + "[run]\nduration = 0.1\n" + wall;
-    let open = read("open plan", &open).unwrap().plan().unwrap();
+    let open = read(&open).unwrap().plan().unwrap();
     assert_eq!(open.simulation.chain.nv(), 3, "no contact reaches the rocker, but its motion is a result");
 }
 
@@ -158,7 +152,7 @@ fn a_linkage_with_rounded_axes_moves() {
         // The frame of the rocker's end is 1e-6 m beside the plane.
         let pin = pin().replace("xyz = [0.5, 0, 0]", "xyz = [0.5, 1e-6, 0]");
         let text = scene(rounded, &pin) + &format!("model = \"{model}\"\n");
-        let plan = read(model, &text).unwrap().plan().unwrap();
+        let plan = read(&text).unwrap().plan().unwrap();
         let last = plan.run(0.1).unwrap().summary.last;
         assert!((last.q[0] - std::f64::consts::FRAC_PI_2 - 0.1).abs() < 0.02, "{last:?}");
     }

@@ -1,28 +1,19 @@
 //! Simulations with several contacts at the same time.
 
-use carom::Chain;
-use carom::impact::Coefficients;
-use carom::sim::{ContactLaw, ContactMode, ContactRule, EventKind, Simulation, Surface, Touch};
+use carom_chain::Chain;
 use carom_contact::Obstacle;
+use carom_sim::{ContactMode, EventKind, Simulation};
+use carom_testing::build::{floating_box, in_plane};
+use carom_testing::scenes::{G, among, half_space, rule, surface};
 use nalgebra::Vector3;
 
-mod bodies;
-use bodies::{floating_box, in_plane};
-
-const G: f64 = 9.81;
-
 fn slope(angle: f64) -> Obstacle {
-    Obstacle::half_space(Vector3::zeros(), Vector3::new(angle.sin(), 0.0, angle.cos())).unwrap()
+    half_space([0.0; 3], [angle.sin(), 0.0, angle.cos()])
 }
 
-fn simulation(chain: Chain, floor: Obstacle, law: &str, restitution: f64, friction: f64) -> Simulation {
-    let contact = ContactRule::new(
-        ContactLaw::named(law, Coefficients { restitution, friction, ..Coefficients::default() }).unwrap(),
-    );
-    let surface = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
-    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
-    let touches = touches.into_iter().filter(|touch| touch.link().is_some()).collect();
-    Simulation { gravity: Vector3::new(0.0, 0.0, -G), tolerance: 1e-11, ..Simulation::new(chain, touches) }
+fn simulation(chain: Chain, obstacle: Obstacle, law: &str, restitution: f64, friction: f64) -> Simulation {
+    let floor = surface("floor", obstacle, rule(law, restitution, friction));
+    Simulation { tolerance: 1e-11, ..among(chain, &[floor]) }
 }
 
 /// B9: a uniform rod dropped flat on both ends rebounds without rotation, with e times its speed.

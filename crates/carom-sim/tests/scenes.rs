@@ -1,9 +1,9 @@
 //! The shipped scenes: each has the events and the final state that its first lines describe.
 
-use carom::sim::{Event, Scene, Trajectory};
+use carom_sim::{Event, Scene, Trajectory};
 
 fn run(name: &str) -> (Scene, Trajectory) {
-    let scene = Scene::from_file(format!("{}/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let scene = Scene::from_file(format!("{}/../../scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap();
     let plan = scene.plan().unwrap();
     let run = plan.simulation.run(&plan.q, &plan.qd, scene.duration).unwrap();
     // No shape penetrates a surface by more than the overlap of a time step.

@@ -1,38 +1,18 @@
 //! Whole motions with impacts while other contacts last, against quadratures, closed forms and time steps that get finer.
 
-use carom::Chain;
-use carom::impact::Newton;
-use carom::sim::{ContactRule, Drive, EventKind, Simulation, Surface, Touch};
-use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
+use carom_chain::Chain;
+use carom_sim::{Drive, EventKind, Simulation, Touch};
+use carom_testing::build::{Part, X, brick, chain, floating_box, in_plane};
+use carom_testing::scenes::{G, among_planes, newton};
 use nalgebra::{DVector, Vector3};
 
-mod bodies;
-use bodies::{floating_box, in_plane};
-
-const G: f64 = 9.81;
 /// Zeno time of the simulations, s, that of their tolerance of 1e-11. Accumulations of two contacts in turn end by the time that one of them still needs, a fraction of
 /// that of both: within ten Zeno times.
 const ZENO: f64 = 1e-6; // √(0.1 · tolerance)
 
 /// A simulation among half-spaces, each with a point and a normal, under Newton's law.
 fn among(chain: Chain, planes: &[[Vector3<f64>; 2]], restitution: f64, friction: f64) -> Simulation {
-    let contact = ContactRule::new(Newton { restitution, friction });
-    let surface = |(k, [point, normal]): (usize, &[Vector3<f64>; 2])| Surface {
-        name: format!("plane {k}"),
-        obstacle: Obstacle::half_space(*point, *normal).unwrap(),
-        contact: contact.clone(),
-        motion: None,
-    };
-    let surfaces: Vec<Surface> = planes.iter().enumerate().map(surface).collect();
-    let touches = Touch::all(&chain, &surfaces, 0.0).unwrap().touches;
-    let touches = touches.into_iter().filter(|touch| touch.link().is_some()).collect();
-    Simulation {
-        gravity: Vector3::new(0.0, 0.0, -G),
-        tolerance: 1e-11,
-        zeno_time: ZENO,
-        ..Simulation::new(chain, touches)
-    }
+    Simulation { zeno_time: ZENO, ..among_planes(chain, planes, &newton(restitution, friction)) }
 }
 
 /// Simpson's rule with 2000 intervals.
@@ -114,26 +94,9 @@ fn a_rocking_block_rocks_to_rest_as_its_quadratures_say() {
 
 /// A slider of mass m₁ with a slider of mass m₂ on it along the same axis, both with stops.
 fn coupled(m1: f64, m2: f64) -> Chain {
-    let link = |name: &str, mass: f64| {
-        format!(
-            r#"<link name="{name}"><inertial><mass value="{mass}"/>
-            <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>"#
-        )
-    };
-    let joint = |name: &str, parent: &str, child: &str| {
-        format!(
-            r#"<joint name="{name}" type="prismatic"><parent link="{parent}"/><child link="{child}"/><axis xyz="1 0 0"/>
-            <limit lower="-1" upper="0" effort="0" velocity="0"/></joint>"#
-        )
-    };
-    let text = format!(
-        r#"<robot name="r"><link name="w"/>{}{}{}{}</robot>"#,
-        link("a", m1),
-        link("b", m2),
-        joint("outer", "w", "a"),
-        joint("inner", "a", "b")
-    );
-    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+    let part =
+        |name: &str, parent: &str, mass| Part::slider(name, parent, X).limits(-1.0, 0.0, 0.0).weighing(mass, [1.0; 3]);
+    chain(&[part("a", "base", m1), part("b", "a", m2)])
 }
 
 /// Two sliders with M = [[m₁ + m₂, m₂], [m₂, m₂]]. The outer one is pressed against its upper stop, and the inner one runs from its
@@ -193,29 +156,15 @@ fn coupled_sliders_strike_their_stops_at_the_times_of_their_closed_forms() {
 #[test]
 fn time_steps_approach_the_motion_of_a_slider_crank_with_clearance() {
     let (l1, l2, a, b, clearance) = (0.153, 0.306, 0.05, 0.025, 0.001);
-    let link = |name: &str, mass: f64, inertia: f64, x: f64, shape: &str| {
-        format!(
-            r#"<link name="{name}"><inertial><origin xyz="{x} 0 0"/><mass value="{mass}"/>
-            <inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/></inertial>{shape}</link>"#
-        )
+    let link = |name: &str, parent: &str, mass: f64, inertia: f64, x: f64| {
+        Part::hinge(name, parent, [0.0, -1.0, 0.0]).weighing(mass, [inertia; 3]).com([x, 0.0, 0.0])
     };
-    let joint = |name: &str, parent: &str, child: &str, x: f64| {
-        format!(
-            r#"<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/><origin xyz="{x} 0 0"/>
-            <axis xyz="0 -1 0"/></joint>"#
-        )
-    };
-    let slider = format!(r#"<collision><geometry><box size="{} 1e-3 {}"/></geometry></collision>"#, 2.0 * a, 2.0 * b);
-    let text = format!(
-        r#"<robot name="r"><link name="w"/>{}{}{}{}{}{}</robot>"#,
-        link("crank", 0.038, 7.4e-5, 0.5 * l1, ""),
-        link("rod", 0.038, 5.9e-4, 0.5 * l2, ""),
-        link("slider", 0.076, 2.7e-6, 0.0, &slider),
-        joint("o", "w", "crank", 0.0),
-        joint("p", "crank", "rod", l1),
-        joint("q", "rod", "slider", l2)
-    );
-    let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
+    let parts = [
+        link("crank", "base", 0.038, 7.4e-5, 0.5 * l1),
+        link("rod", "crank", 0.038, 5.9e-4, 0.5 * l2).at([l1, 0.0, 0.0]),
+        link("slider", "rod", 0.076, 2.7e-6, 0.0).at([l2, 0.0, 0.0]).shaped(&brick([2.0 * a, 1e-3, 2.0 * b])),
+    ];
+    let chain = chain(&parts);
     let guide = |side: f64| [Vector3::z() * side * (b + clearance), Vector3::z() * -side];
     let mut sim = among(chain, &[guide(1.0), guide(-1.0)], 0.4, 0.01);
     // Of each two corners that differ in y one is enough.

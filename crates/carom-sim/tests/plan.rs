@@ -1,36 +1,26 @@
 //! The reductions of a plan: exact reductions change results by rounding only; the others stay within their bound.
 
-use carom::Chain;
-use carom::impact::Coefficients;
-use carom::sim::{ContactLaw, ContactRule, Moment, Oscillation, Scene, Simulation, Surface, Touch};
+use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
+use carom_sim::{Moment, Oscillation, Scene, Simulation, Surface, Touch};
+use carom_testing::build::{O, Part, X, Z, ball, brick, chain, shape, urdf};
+use carom_testing::scenes::{self, half_space, rule, surface, touching};
 use nalgebra::Vector3;
-use std::path::PathBuf;
-
-const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// Loads a scene from its text, together with the text of its robot.
-fn scene(name: &str, robot: &str, text: &str) -> Scene {
-    let folder = std::env::temp_dir().join(format!("carom-plan-{name}-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let path: PathBuf = folder.join("scene.toml");
-    std::fs::write(folder.join("robot.urdf"), robot).unwrap();
-    std::fs::write(&path, text).unwrap();
-    let scene = Scene::from_file(&path).unwrap();
-    std::fs::remove_dir_all(&folder).unwrap();
-    scene
+fn scene(robot: &str, text: &str) -> Scene {
+    scenes::scene(&[("robot.urdf", robot)], text).unwrap()
 }
 
 fn planar2() -> String {
-    std::fs::read_to_string(format!("{ROOT}/robots/planar2.urdf")).unwrap()
+    carom_testing::files::text("robots/planar2.urdf")
 }
 
 /// Runs the plan of a scene and of the same scene with `model = "full"`, and compares events and motion of the joints
 /// `kept` (indices in the full q) to 1e-11 of the largest number. At least `least` events have to be compared.
 fn same_motion(name: &str, robot: &str, text: &str, kept: &[usize], least: usize) -> [Simulation; 2] {
-    let auto = scene(name, robot, text);
-    let full = scene(name, robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
+    let auto = scene(&robot, text);
+    let full = scene(&robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
     let (less, all) = (auto.plan().unwrap(), full.plan().unwrap());
     assert!(less.bounded.is_empty() && !less.left_out.is_empty());
     let a = less.simulation.run(&less.q, &less.qd, auto.duration).unwrap();
@@ -62,7 +52,7 @@ fn same_motion(name: &str, robot: &str, text: &str, kept: &[usize], least: usize
 }
 
 /// Whether the reduced model also has the touch of an event of the full model.
-fn less_touches(less: &Simulation, all: &Simulation, event: &carom::sim::Event) -> bool {
+fn less_touches(less: &Simulation, all: &Simulation, event: &carom_sim::Event) -> bool {
     event.kind.touch().is_none_or(|k| less.touches.iter().any(|touch| touch.name == all.touches[k].name))
 }
 
@@ -112,31 +102,17 @@ shape = { sphere = { centre = [0, 0, 2], radius = 0.5 } }
 /// Two arms on one base; only one of them can touch the wall.
 #[test]
 fn a_branch_without_contacts_is_in_the_answer() {
-    let link = |name: &str, tip: bool| {
-        let ball = r#"<collision><origin xyz="0.3 0 0"/><geometry><sphere radius="0.02"/></geometry></collision>"#;
-        format!(
-            r#"<link name="{name}"><inertial><origin xyz="0.15 0 0"/><mass value="1"/>
-            <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>{}</link>"#,
-            if tip { ball } else { "" }
-        )
+    let link = |name: &str, parent: &str, x: f64| {
+        let part = Part::hinge(name, parent, Z).at([x, 0.0, 0.0]).com([0.15, 0.0, 0.0]);
+        part.weighing(1.0, [0.001, 0.01, 0.01])
     };
-    let joint = |name: &str, parent: &str, child: &str, at: &str| {
-        format!(
-            r#"<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
-            <origin xyz="{at}"/><axis xyz="0 0 1"/></joint>"#
-        )
-    };
-    let robot = format!(
-        r#"<robot name="two arms"><link name="base"/>{}{}{}{}{}{}{}{}</robot>"#,
-        link("left1", false),
-        link("left2", false),
-        link("right1", false),
-        link("right2", true),
-        joint("l1", "base", "left1", "-1 0 0"),
-        joint("l2", "left1", "left2", "0.3 0 0"),
-        joint("r1", "base", "right1", "0.2 0 0"),
-        joint("r2", "right1", "right2", "0.3 0 0"),
-    );
+    let tip = shape(&ball(0.02), [0.3, 0.0, 0.0], O);
+    let robot = urdf(&[
+        link("left1", "base", -1.0),
+        link("left2", "left1", 0.3),
+        link("right1", "base", 0.2),
+        link("right2", "right1", 0.3).with(tip),
+    ]);
     let text = r#"
 [robot]
 urdf = "robot.urdf"
@@ -160,15 +136,13 @@ gravity = [0, -9.81, 0]
 /// An arm whose hand is a box: in space two corners hit at the same time, in the plane one.
 #[test]
 fn corners_with_the_same_planar_position_are_merged() {
-    let robot = r#"<robot name="hand"><link name="base"/>
-        <link name="arm"><inertial><origin xyz="0.3 0 0"/><mass value="2"/>
-          <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
-        <link name="hand"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
-          <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial>
-          <collision><origin xyz="0.1 0 0"/><geometry><box size="0.2 0.1 0.06"/></geometry></collision></link>
-        <joint name="shoulder" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
-        <joint name="wrist" type="continuous"><parent link="arm"/><child link="hand"/><origin xyz="0.6 0 0"/>
-          <axis xyz="0 0 1"/></joint></robot>"#;
+    let link = |name: &str, parent: &str, x: f64, com: f64, mass: f64| {
+        let part = Part::hinge(name, parent, Z).at([x, 0.0, 0.0]).com([com, 0.0, 0.0]);
+        part.weighing(mass, [0.01, 0.05 * mass, 0.05 * mass])
+    };
+    let hand = Part { inertia: [0.01, 0.02, 0.02], ..link("hand", "arm", 0.6, 0.1, 1.0) };
+    let hand = hand.with(shape(&brick([0.2, 0.1, 0.06]), [0.1, 0.0, 0.0], O));
+    let robot = urdf(&[link("arm", "base", 0.0, 0.3, 2.0), hand]);
     let text = r#"
 [robot]
 urdf = "robot.urdf"
@@ -186,8 +160,8 @@ tolerance = 1e-12
     // In space the two corners are a problem of several contacts, in the plane a single contact. Without friction both
     // have the same solution.
     let [less, all] = {
-        let auto = scene("corners", robot, text);
-        let full = scene("corners", robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
+        let auto = scene(&robot, text);
+        let full = scene(&robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
         let (less, all) = (auto.plan().unwrap(), full.plan().unwrap());
         let a = less.simulation.run(&less.q, &less.qd, auto.duration).unwrap();
         let b = all.simulation.run(&all.q, &all.qd, full.duration).unwrap();
@@ -222,11 +196,9 @@ fn error_of_neglected_friction_is_within_the_reported_bound() {
         let u = kin.point_velocity(chain.point(tip, Vector3::zeros()), &qd).unwrap();
         // The wall is 1 mm ahead of the tip in the direction of its motion along x.
         let toward = if u.x > 0.0 { 1.0 } else { -1.0 };
-        let wall = Obstacle::half_space(place + Vector3::x() * toward * 1e-3, -Vector3::x() * toward).unwrap();
-        let coefficients = Coefficients { restitution: e, friction: mu, ..Coefficients::default() };
-        let rule = ContactRule::new(ContactLaw::named(law, coefficients).unwrap());
-        let surface = Surface { name: "wall".into(), obstacle: wall, contact: rule, motion: None };
-        let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
+        let wall = half_space(place + Vector3::x() * toward * 1e-3, -Vector3::x() * toward);
+        let wall = surface("wall", wall, rule(law, e, mu));
+        let touches = Touch::all(&chain, &[wall], 0.0).unwrap().touches;
         let touches = touches.into_iter().filter(|touch| touch.link() == Some("tip")).collect();
         let exact = Simulation { max_events: 1, ..Simulation::new(chain, touches) };
         let less = Simulation { neglect: Some(0.5), ..exact.clone() };
@@ -239,7 +211,7 @@ fn error_of_neglected_friction_is_within_the_reported_bound() {
             continue;
         };
         let [a_hit, b_hit] = [a_hit, b_hit].map(|event| match &event.kind {
-            carom::sim::EventKind::Impact { hit, .. } => hit.clone(),
+            carom_sim::EventKind::Impact { hit, .. } => hit.clone(),
             other => panic!("{other:?}"),
         });
         let change = (a_hit.u_plus - b_hit.u_plus).norm() / b_hit.u_minus.norm();
@@ -262,21 +234,12 @@ fn error_of_neglected_friction_is_within_the_reported_bound() {
 #[test]
 fn straightening_axes_displaces_no_point_beyond_the_bound() {
     let robot = |tilt: f64| {
-        format!(
-            r#"<robot name="tilted"><link name="base"/>
-            <link name="one"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-            <link name="two"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-            <link name="tip"/>
-            <joint name="a" type="continuous"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/></joint>
-            <joint name="b" type="continuous"><parent link="one"/><child link="two"/><origin xyz="0.5 0 0"/>
-              <axis xyz="{} 0 {}"/></joint>
-            <joint name="c" type="fixed"><parent link="two"/><child link="tip"/><origin xyz="0.4 0 0"/></joint></robot>"#,
-            tilt.sin(),
-            tilt.cos()
-        )
+        let b = Part::hinge("two", "one", [tilt.sin(), 0.0, tilt.cos()]).at([0.5, 0.0, 0.0]);
+        let tip = Part::new("tip", "two", "fixed", Z, [0.4, 0.0, 0.0]).massless();
+        chain(&[Part::hinge("one", "base", Z).weighing(1.0, [1.0; 3]), b.weighing(1.0, [1.0; 3]), tip])
     };
     for tilt in [4e-6, 1e-3, 0.1] {
-        let chain = Chain::from_urdf_str(&robot(tilt), &LoadOptions::default()).unwrap();
+        let chain = robot(tilt);
         assert!(chain.to_planar().is_err());
         assert!(chain.to_planar_within(tilt * 0.9).is_err());
         let flat = chain.to_planar_within(tilt * 1.1).unwrap();
@@ -300,13 +263,10 @@ fn straightening_axes_displaces_no_point_beyond_the_bound() {
 #[test]
 fn moving_surfaces_are_never_excluded_as_unreachable() {
     let chain = Chain::from_urdf_str(&planar2(), &LoadOptions::default()).unwrap();
-    let obstacle = Obstacle::half_space(Vector3::new(2.0, 0.0, 0.0), -Vector3::x()).unwrap();
+    let obstacle = half_space([2.0, 0.0, 0.0], -Vector3::x());
     let motion = Some(Oscillation { amplitude: Vector3::x() * 2.0, frequency: 1.0, phase: 0.0 }.into());
-    let surface =
-        |motion| Surface { name: "piston".into(), obstacle: obstacle.clone(), contact: Default::default(), motion };
-    let count = |motion| {
-        Touch::all(&chain, &[surface(motion)], 0.0).unwrap().touches.iter().filter(|t| t.link().is_some()).count()
-    };
+    let piston = surface("piston", obstacle, Default::default());
+    let count = |motion| touching(&chain, &[Surface { motion, ..piston.clone() }]).len();
     assert_eq!(count(None), 0);
     assert!(count(motion) > 0);
 }
@@ -320,9 +280,9 @@ fn a_stiff_controller_selects_the_implicit_integrator() {
         .replace("tolerance = 1e-12", "tolerance = 1e-7")
         .replace("qd = [0.3, -0.9]", "")
         .replace("q = [0.7854, -1.5708]", "q = [0.78, -1.57]");
-    let scene = scene("stiff", &planar2(), &stiff);
+    let scene = scene(&planar2(), &stiff);
     let plan = scene.plan().unwrap();
-    assert_eq!(plan.simulation.integrator, carom::sim::Integrator::Radau, "{:?}", plan.kept);
+    assert_eq!(plan.simulation.integrator, carom_sim::Integrator::Radau, "{:?}", plan.kept);
     let run = plan.simulation.run(&plan.q, &plan.qd, 1.0).unwrap();
     assert!(run.summary.statistics.steps < 2000, "{:?}", run.summary.statistics);
     // kd q̇ = kp (target − q): q − target decays as exp(−t), except for the sag under gravity (1e-5 of it).
@@ -336,30 +296,12 @@ fn a_stiff_controller_selects_the_implicit_integrator() {
 /// plane, which no joint moves, is rounding. As the robot turns about the point of its tip, its work is that of its weight.
 #[test]
 fn a_planar_robot_sticks_in_space_as_in_its_plane() {
-    let link = |name: &str, shape: &str| {
-        format!(
-            "<link name='{name}'><inertial><origin xyz='0.2 0 0'/><mass value='0.8'/><inertia ixx='0.02' ixy='0' ixz='0' iyy='0.02' iyz='0'
-             izz='0.02'/></inertial>{shape}</link>"
-        )
+    let link = |name: &str, parent: &str, x: f64| {
+        Part::hinge(name, parent, [0.0, -1.0, 0.0]).at([x, 0.0, 0.0]).com([0.2, 0.0, 0.0]).weighing(0.8, [0.02; 3])
     };
-    let joint = |name: &str, kind: &str, parent: &str, place: &str, axis: &str| {
-        format!(
-            "<joint name='j{name}' type='{kind}'><parent link='{parent}'/><child link='{name}'/><origin xyz='{place}'/><axis xyz='{axis}'/>
-             <limit lower='-9' upper='9' effort='9' velocity='9'/></joint>"
-        )
-    };
-    let tip = "<collision><origin xyz='0.4 0 0'/><geometry><sphere radius='0.03'/></geometry></collision>";
-    let robot = [
-        "<robot name='cart'><link name='base'/>",
-        &link("a", ""),
-        &link("b", ""),
-        &link("c", tip),
-        &joint("a", "prismatic", "base", "0 0 0.6", "1 0 0"),
-        &joint("b", "continuous", "a", "0 0 0", "0 -1 0"),
-        &joint("c", "continuous", "b", "0.4 0 0", "0 -1 0"),
-        "</robot>",
-    ]
-    .concat();
+    let cart = Part { joint: "prismatic", axis: X, at: [0.0, 0.0, 0.6], ..link("a", "base", 0.0) };
+    let tip = shape(&ball(0.03), [0.4, 0.0, 0.0], O);
+    let robot = urdf(&[cart, link("b", "a", 0.0), link("c", "b", 0.4).with(tip)]);
     // The tip's lowest point is on the floor: 0.6 − 0.4 sin(a) − 0.4 sin(a + b) = 0.03.
     let first = -0.46288903843013474_f64;
     let second = -((0.57 + 0.4 * first.sin()) / 0.4).asin() - first;
@@ -372,12 +314,12 @@ fn a_planar_robot_sticks_in_space_as_in_its_plane() {
             )
         };
         let run = |model: &str| {
-            let scene = scene("sticks", &robot, &text(model));
+            let scene = scene(&robot, &text(model));
             let plan = scene.plan().unwrap();
             let mut forces = Vec::new();
-            let sampling = carom::sim::Sampling { every: Some(0.01), ..Default::default() };
-            let mut see = |seen: carom::sim::Seen| {
-                if let carom::sim::Seen::Contacts(_, contacts) = seen {
+            let sampling = carom_sim::Sampling { every: Some(0.01), ..Default::default() };
+            let mut see = |seen: carom_sim::Seen| {
+                if let carom_sim::Seen::Contacts(_, contacts) = seen {
                     forces.extend(contacts.iter().map(|contact| contact.force));
                 }
             };

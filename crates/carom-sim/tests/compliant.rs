@@ -1,17 +1,25 @@
 //! Compliant contacts: rebound with the given restitution, a force whose integral is the impulse, and the rigid limit.
 
-use carom::impact::Damping;
-use carom::sim::{
-    Compliance, ContactMode, ContactRule, Drive, EventKind, Holding, Simulation, Surface, Touch, Yielding,
-};
-use carom::{Chain, Energetic, Frictionless, Impacts};
-use carom_chain::urdf::LoadOptions;
+use carom_chain::Chain;
 use carom_contact::Obstacle;
+use carom_impact::{Damping, Energetic, Frictionless};
+use carom_sim::{Compliance, ContactMode, ContactRule, Drive, EventKind, Holding, Impacts, Simulation, Yielding};
+use carom_testing::build::{X, Z, along, ball, falling_ball};
+use carom_testing::files::robot;
+use carom_testing::scenes::{self, half_space, kinds, on_floor, surface, with_robots};
 use nalgebra::Vector3;
 
-fn touching(chain: &Chain, obstacle: Obstacle, contact: ContactRule) -> Vec<Touch> {
-    let surface = Surface { name: "surface".into(), obstacle, contact, motion: None };
-    Touch::all(chain, &[surface], 0.0).unwrap().touches
+/// The contacts of the links with a surface.
+fn touching(chain: &Chain, obstacle: Obstacle, contact: ContactRule) -> Vec<carom_sim::Touch> {
+    scenes::touching(chain, &[surface("surface", obstacle, contact)])
+}
+
+/// The arm of the paper whose tip is about to strike a wall at 0.6464 m, with this contact.
+fn arm(contact: ContactRule) -> Simulation {
+    let chain = robot("planar2");
+    let touches = touching(&chain, half_space([0.6464, 0.0, 0.0], -Vector3::x()), contact);
+    let touches = touches.into_iter().filter(|touch| touch.link() == Some("tip")).collect();
+    Simulation { max_events: 2, ..Simulation::new(chain, touches) }
 }
 
 fn soft(stiffness: f64, restitution: f64, friction: f64) -> ContactRule {
@@ -24,18 +32,9 @@ fn soft(stiffness: f64, restitution: f64, friction: f64) -> ContactRule {
 #[test]
 fn a_compliant_ball_rebounds_with_the_given_restitution() {
     for (mass, stiffness, speed, e) in [(2.0, 1e5, 1.0, 0.35), (0.1, 1e7, 0.05, 0.8), (50.0, 1e6, 3.0, 0.1)] {
-        let text = format!(
-            r#"<robot name="ball"><link name="world"/>
-            <link name="ball"><inertial><mass value="{mass}"/>
-              <inertia ixx="0.008" ixy="0" ixz="0" iyy="0.008" iyz="0" izz="0.008"/></inertial>
-              <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
-            <joint name="fall" type="prismatic"><parent link="world"/><child link="ball"/><axis xyz="0 0 1"/>
-              <limit lower="-1000" upper="1000" effort="0" velocity="0"/></joint></robot>"#
-        );
-        let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
-        let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-        let touches = touching(&chain, floor, soft(stiffness, e, 0.0));
-        let sim = Simulation { tolerance: 1e-11, ..Simulation::new(chain, touches) };
+        let ball = along(&[Z], mass, [0.008; 3], &ball(0.1));
+        let gravity = Vector3::zeros();
+        let sim = Simulation { tolerance: 1e-11, gravity, ..on_floor(ball, soft(stiffness, e, 0.0)) };
         let run = sim.run(&[0.1 + 0.01 * speed], &[-speed], 1.0).unwrap();
         let [presses, leaves] = run.events.as_slice() else { panic!("{:?}", run.events) };
         let EventKind::Mode { mode: ContactMode::Pressing { touch, damping } } = presses.kind else {
@@ -51,15 +50,7 @@ fn a_compliant_ball_rebounds_with_the_given_restitution() {
             let moment = run.at(&sim.chain, a + (b - a) * f64::from(k) / f64::from(n));
             sim.pressing_force(touch, damping, &moment).unwrap().z
         };
-        let weight = |k: i32| {
-            if k == 0 || k == n {
-                1.0
-            } else if k % 2 == 1 {
-                4.0
-            } else {
-                2.0
-            }
-        };
+        let weight = |k: i32| if k == 0 || k == n { 1.0 } else { f64::from(2 + 2 * (k % 2)) };
         let impulse: f64 = (0..=n).map(|k| weight(k) * force(k)).sum::<f64>() * (b - a) / (3.0 * f64::from(n));
         assert!((impulse / (mass * speed * (1.0 + e)) - 1.0).abs() < 1e-5, "{impulse}");
         assert!((0..=n).all(|k| force(k) >= 0.0), "the force is never tensile");
@@ -70,19 +61,16 @@ fn a_compliant_ball_rebounds_with_the_given_restitution() {
 /// k^(−2/5) for n = 3/2.
 #[test]
 fn a_compliant_impact_converges_to_the_rigid_one_with_stiffness() {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
-    let wall = || Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
     let (q, qd) = ([0.78, -1.57], [0.1, 0.5]);
     let mut errors = Vec::new();
     for stiffness in [1e6, 1e8, 1e10] {
-        let touches = touching(&chain, wall(), soft(stiffness, 0.35, 0.0));
-        let touches = touches.into_iter().filter(|touch| touch.link() == Some("tip")).collect();
-        let sim = Simulation { tolerance: 1e-12, max_events: 2, ..Simulation::new(chain.clone(), touches) };
+        let sim = Simulation { tolerance: 1e-12, ..arm(soft(stiffness, 0.35, 0.0)) };
         let run = sim.run(&q, &qd, 1.0).unwrap();
         let [presses, leaves] = run.events.as_slice() else { panic!("{:?}", run.events) };
         let law = Energetic { restitution: 0.35, friction: 0.0 };
-        let tip = chain.frame("tip").unwrap();
-        let rigid = chain.impact(&presses.q, &presses.qd_minus).at(tip).normal([-1.0, 0.0, 0.0]).resolve(&law).unwrap();
+        let tip = sim.chain.frame("tip").unwrap();
+        let rigid =
+            sim.chain.impact(&presses.q, &presses.qd_minus).at(tip).normal([-1.0, 0.0, 0.0]).resolve(&law).unwrap();
         let off = leaves.qd_plus.iter().zip(&rigid.qd_plus).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         errors.push(off);
     }
@@ -95,11 +83,7 @@ fn a_compliant_impact_converges_to_the_rigid_one_with_stiffness() {
 /// The force of a compliant contact with friction is inside the friction cone.
 #[test]
 fn compliant_friction_force_is_inside_the_friction_cone() {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
-    let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
-    let touches = touching(&chain, wall, soft(1e7, 0.35, 0.2));
-    let touches = touches.into_iter().filter(|touch| touch.link() == Some("tip")).collect();
-    let sim = Simulation { tolerance: 1e-10, max_events: 2, ..Simulation::new(chain, touches) };
+    let sim = Simulation { tolerance: 1e-10, ..arm(soft(1e7, 0.35, 0.2)) };
     let run = sim.run(&[0.78, -1.57], &[0.1, 0.5], 1.0).unwrap();
     let [presses, leaves] = run.events.as_slice() else { panic!("{:?}", run.events) };
     let EventKind::Mode { mode: ContactMode::Pressing { touch, damping } } = presses.kind else { panic!() };
@@ -116,11 +100,7 @@ fn compliant_friction_force_is_inside_the_friction_cone() {
 /// A compliant contact that is treated as rigid: the reported depth is that of the compliant model to 1 %.
 #[test]
 fn neglected_compliance_reports_the_penetration_depth() {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
-    let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
-    let touches = touching(&chain, wall, soft(1e8, 0.35, 0.0));
-    let touches = touches.into_iter().filter(|touch| touch.link() == Some("tip")).collect();
-    let full = Simulation { tolerance: 1e-11, max_events: 2, ..Simulation::new(chain, touches) };
+    let full = Simulation { tolerance: 1e-11, ..arm(soft(1e8, 0.35, 0.0)) };
     let (q, qd) = ([0.78, -1.57], [0.1, 0.5]);
     let run = full.run(&q, &qd, 1.0).unwrap();
     let [a, b] = run.events.as_slice() else { panic!("{:?}", run.events) };
@@ -140,29 +120,12 @@ fn neglected_compliance_reports_the_penetration_depth() {
     assert_eq!(strict.run(&q, &qd, 1.0).unwrap().events[0].kind.name(), "pressing");
 }
 
-fn sliding_block(mass: f64) -> Chain {
-    // Translations along and off the slope; a small ball is its foot.
-    let text = format!(
-        r#"<robot name="block"><link name="world"/><link name="carriage"/>
-        <link name="block"><inertial><mass value="{mass}"/>
-          <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>
-          <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
-        <joint name="along" type="prismatic"><parent link="world"/><child link="carriage"/><axis xyz="1 0 0"/>
-          <limit lower="-1000" upper="1000" effort="0" velocity="0"/></joint>
-        <joint name="off" type="prismatic"><parent link="carriage"/><child link="block"/><axis xyz="0 0 1"/>
-          <limit lower="-1000" upper="1000" effort="0" velocity="0"/></joint></robot>"#
-    );
-    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
-}
-
+/// A block that slides along a slope and off it, with a ball as its foot.
 fn block_on_slope(tangent: f64, compliance: Compliance) -> Simulation {
-    let chain = sliding_block(2.0);
     let law = Energetic { restitution: 0.2, friction: 0.5 };
     let rule = ContactRule { compliance: Some(compliance), ..ContactRule::new(law) };
-    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let touches = touching(&chain, floor, rule);
     let gravity = Vector3::new(tangent, 0.0, -1.0) * (9.81 / tangent.hypot(1.0));
-    Simulation { gravity, tolerance: 1e-10, ..Simulation::new(chain, touches) }
+    Simulation { gravity, tolerance: 1e-10, ..on_floor(along(&[X, Z], 2.0, [0.01; 3], &ball(0.1)), rule) }
 }
 
 /// Every normal force rebounds with v⁺ = e v⁻ and a closed energy balance.
@@ -177,8 +140,7 @@ fn every_normal_force_rebounds_with_the_given_restitution() {
                 touch.contact.law = Energetic { restitution: e, friction: touch.contact.law.friction() }.into();
             }
             let run = sim.run(&[0.0, 0.1 + 0.01 * speed], &[0.0, -speed], 1.0).unwrap();
-            let kinds: Vec<_> = run.events.iter().map(|event| event.kind.name()).collect();
-            assert_eq!(kinds, ["pressing", "lift-off"], "{normal:?}");
+            assert_eq!(kinds(&run), ["pressing", "lift-off"], "{normal:?}");
             let leaves = &run.events[1];
             assert!((leaves.qd_plus[1] / (e * speed) - 1.0).abs() < 1e-6, "{normal:?}: {:?}", leaves.qd_plus);
             assert!(run.summary.energy.error().abs() < 1e-8 * run.summary.energy.start, "{normal:?}");
@@ -227,18 +189,15 @@ fn a_bristle_slides_with_coulombs_acceleration() {
 /// A stiff contact with Walton & Braun's force gives the velocities of Stronge's (energetic) law.
 #[test]
 fn a_stiff_walton_braun_contact_gives_stronges_impact() {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
-    let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
     let tangential = Holding::Smoothed { slip_speed: 1e-5 };
     let compliance = Compliance { normal: Yielding::WaltonBraun, tangential, ..Compliance::new(1e9) };
     let law = Energetic { restitution: 0.5, friction: 0.4 };
     let rule = ContactRule { compliance: Some(compliance), ..ContactRule::new(law) };
-    let touches = touching(&chain, wall, rule).into_iter().filter(|touch| touch.link() == Some("tip")).collect();
-    let sim = Simulation { tolerance: 1e-11, max_events: 2, ..Simulation::new(chain.clone(), touches) };
+    let sim = Simulation { tolerance: 1e-11, ..arm(rule) };
     let run = sim.run(&[0.78, -1.57], &[0.1, 0.5], 1.0).unwrap();
     let [presses, leaves] = run.events.as_slice() else { panic!("{:?}", run.events) };
-    let tip = chain.frame("tip").unwrap();
-    let rigid = chain.impact(&presses.q, &presses.qd_minus).at(tip).normal([-1.0, 0.0, 0.0]).resolve(&law).unwrap();
+    let tip = sim.chain.frame("tip").unwrap();
+    let rigid = sim.chain.impact(&presses.q, &presses.qd_minus).at(tip).normal([-1.0, 0.0, 0.0]).resolve(&law).unwrap();
     for (a, b) in leaves.qd_plus.iter().zip(&rigid.qd_plus) {
         assert!((a - b).abs() < 1e-3, "{:?} {:?}", leaves.qd_plus, rigid.qd_plus);
     }
@@ -250,18 +209,12 @@ fn a_stiff_walton_braun_contact_gives_stronges_impact() {
 /// The keys of `compliance` in a scene file, and the refusals of invalid ones with key, value and rule.
 #[test]
 fn compliance_keys_of_a_scene_are_read_and_invalid_ones_refused() {
-    let folder = std::env::temp_dir().join(format!("carom-compliance-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let file = folder.join("s.toml");
     let scene = |compliance: &str| {
-        let robot = concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf");
-        let text = format!(
-            "[robot]\nurdf = \"{robot}\"\nq = [0.78, -1.57]\nqd = [0.1, 0.5]\n[[surface]]\nshape = {{ halfspace = {{ point = \
+        with_robots(&format!(
+            "[robot]\nurdf = \"planar2.urdf\"\nq = [0.78, -1.57]\nqd = [0.1, 0.5]\n[[surface]]\nshape = {{ halfspace = {{ point = \
              [0.6464, 0, 0], normal = [-1, 0, 0] }} }}\n[contact]\nlaw = \"energetic\"\nrestitution = 0.35\nfriction = \
              0.1\ncompliance = {{ {compliance} }}\n[run]\nduration = 0.3\n"
-        );
-        std::fs::write(&file, text).unwrap();
-        carom::sim::Scene::from_file(&file)
+        ))
     };
     let chosen = |text: &str| scene(text).unwrap().simulation.touches[0].contact.compliance.unwrap();
     assert_eq!(chosen("stiffness = 1e8"), Compliance::new(1e8));
@@ -304,29 +257,16 @@ fn compliance_keys_of_a_scene_are_read_and_invalid_ones_refused() {
         ("stifness = 1", "did you mean `stiffness`?"),
     ] {
         let refused = scene(said).unwrap_err().to_string();
-        assert!(refused.contains("s.toml: ") && refused.contains(why), "{refused}\n{why}");
+        assert!(refused.contains(why), "{refused}\n{why}");
     }
-    std::fs::remove_dir_all(&folder).unwrap();
 }
 
 /// A ball that starts at the static depth of its compliant contact, k dⁿ = m g, stays there.
 #[test]
 fn a_ball_rests_at_the_static_depth_of_its_compliant_contact() {
-    let chain = Chain::from_urdf_str(
-        r#"<robot name="ball"><link name="world"/><link name="ball"><inertial><mass value="2"/>
-        <inertia ixx="0.008" ixy="0" ixz="0" iyy="0.008" iyz="0" izz="0.008"/></inertial>
-        <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
-        <joint name="fall" type="prismatic"><parent link="world"/><child link="ball"/><axis xyz="0 0 1"/>
-        <limit lower="-9" upper="9" effort="0" velocity="0"/></joint></robot>"#,
-        &Default::default(),
-    )
-    .unwrap();
-    let floor = carom_contact::Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
     let law = Frictionless { restitution: 0.5 };
     let contact = ContactRule { compliance: Some(Compliance::new(1e6)), ..ContactRule::new(law) };
-    let surface = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
-    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
-    let sim = Simulation { gravity: Vector3::new(0.0, 0.0, -9.81), ..Simulation::new(chain, touches) };
+    let sim = on_floor(falling_ball(), contact);
     let depth = (2.0 * 9.81 / 1e6_f64).powf(1.0 / 1.5);
     let run = sim.run(&[0.1 - depth], &[0.0], 1.0).unwrap();
     assert!((run.summary.last.q[0] - (0.1 - depth)).abs() < 1e-10, "{:?} {:?}", run.summary.last, run.events);
@@ -341,19 +281,12 @@ fn a_ball_rests_at_the_static_depth_of_its_compliant_contact() {
 #[test]
 fn walton_braun_contacts_remember_every_deeper_turn() {
     let (stiffness, restitution, grows, speed, duration) = (7.2e4, 0.9, 0.078, 0.03, 0.5);
-    let text = r#"<robot name="slider"><link name="world"/>
-        <link name="ball"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
-          <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
-        <joint name="slide" type="prismatic"><parent link="world"/><child link="ball"/><axis xyz="0 0 1"/>
-          <limit lower="-9" upper="9" effort="0" velocity="0"/></joint></robot>"#;
-    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
-    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
     let compliance = Some(Compliance { normal: Yielding::WaltonBraun, ..Compliance::new(stiffness) });
     let rule = ContactRule { compliance, ..ContactRule::new(Energetic { restitution, friction: 0.0 }) };
-    let touches = touching(&chain, floor, rule);
     let times = vec![0.0, duration];
     let drive = Drive::Table { times, forces: vec![vec![-9.81], vec![-9.81 - grows * duration]] };
-    let sim = Simulation { tolerance: 1e-10, drive, ..Simulation::new(chain, touches) };
+    let ball = along(&[Z], 1.0, [1.0; 3], &ball(0.1));
+    let sim = Simulation { tolerance: 1e-10, gravity: Vector3::zeros(), drive, ..on_floor(ball, rule) };
     let run = sim.run(&[0.1], &[-speed], duration).unwrap();
 
     // d and its rate; a turn is between two steps, within which d changes by less than rounding matters.

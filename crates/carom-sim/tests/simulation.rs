@@ -1,58 +1,30 @@
 //! Event-driven simulation against closed forms.
 
-use carom::Chain;
-use carom::impact::Coefficients;
-use carom::sim::{
-    ContactLaw, ContactMode, ContactRule, EventKind, Sampling, Scene, Seen, Simulation, StopReason, Surface, Touch,
-};
-use carom_chain::urdf::LoadOptions;
+use carom_chain::Chain;
 use carom_contact::Obstacle;
+use carom_impact::Coefficients;
+use carom_sim::{ContactLaw, ContactMode, ContactRule, EventKind, Sampling, Seen, Simulation, StopReason, Touch};
+use carom_testing::build::{O, Part, X, Y, Z, along, ball, chain, falling_ball, free, shape};
+use carom_testing::files::robot;
+use carom_testing::scenes::{DOWN, G, floor, half_space, kinds, level, rule, shipped, surface};
 use nalgebra::Vector3;
 
-const G: f64 = 9.81;
-
-fn rule(law: &str, restitution: f64, friction: f64) -> ContactRule {
-    ContactRule::new(ContactLaw::named(law, Coefficients { restitution, friction, ..Coefficients::default() }).unwrap())
-}
-
-fn surface(obstacle: Obstacle, contact: ContactRule) -> Surface {
-    Surface { name: "floor".into(), obstacle, contact, motion: None }
-}
-
-fn simulation(chain: Chain, floor: Obstacle, contact: ContactRule) -> Simulation {
+fn simulation(chain: Chain, obstacle: Obstacle, contact: ContactRule) -> Simulation {
     let restitution = contact.law.restitution();
-    let touches = Touch::all(&chain, &[surface(floor, contact)], restitution).unwrap().touches;
-    Simulation {
-        gravity: Vector3::new(0.0, 0.0, -G),
-        tolerance: 1e-10,
-        max_events: 100_000,
-        ..Simulation::new(chain, touches)
-    }
+    let touches = Touch::all(&chain, &[surface("floor", obstacle, contact)], restitution).unwrap().touches;
+    Simulation { gravity: DOWN, tolerance: 1e-10, max_events: 100_000, ..Simulation::new(chain, touches) }
 }
 
-fn level() -> Obstacle {
-    Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap()
-}
-
-/// A ball of radius 0.1 m on a vertical slider, or free.
-fn ball(joint: &str) -> Chain {
-    let text = format!(
-        r#"<robot name="ball"><link name="world"/>
-        <link name="ball">
-          <inertial><mass value="2"/><inertia ixx="0.008" ixy="0" ixz="0" iyy="0.008" iyz="0" izz="0.008"/></inertial>
-          <collision><geometry><sphere radius="0.1"/></geometry></collision>
-        </link>
-        <joint name="fall" type="{joint}"><parent link="world"/><child link="ball"/><axis xyz="0 0 1"/>
-          <limit lower="-1000" upper="1000" effort="0" velocity="0"/></joint></robot>"#
-    );
-    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+/// A solid ball of 2 kg and 0.1 m that floats.
+fn free_ball() -> Chain {
+    free(2.0, [0.008; 3], &shape(&ball(0.1), O, O))
 }
 
 /// Apex heights e^{2k} h, and the end of the bouncing at t₁ (1+e)/(1−e).
 #[test]
 fn bouncing_ball_has_closed_form_heights_and_zeno_time() {
     for (e, zeno) in [(0.5, 1.354570923), (0.8, 4.063712769), (0.9, 8.578949179)] {
-        let sim = simulation(ball("prismatic"), level(), rule("newton", e, 0.3));
+        let sim = simulation(falling_ball(), level(), rule("newton", e, 0.3));
         let run = sim.run(&[1.1], &[0.0], zeno + 1.0).unwrap();
         let impacts: Vec<_> = run.events.iter().filter(|e| matches!(e.kind, EventKind::Impact { .. })).collect();
         let first = (2.0 / G).sqrt();
@@ -83,7 +55,7 @@ fn bouncing_ball_has_closed_form_heights_and_zeno_time() {
 fn bounces_end_where_rounding_begins() {
     for (e, tolerance) in [(0.9, 1e-12), (0.99, 1e-9)] {
         let zeno_time = Simulation::zeno_time_for(tolerance);
-        let sim = simulation(ball("prismatic"), level(), rule("newton", e, 0.0));
+        let sim = simulation(falling_ball(), level(), rule("newton", e, 0.0));
         let sim = Simulation { tolerance, zeno_time, max_events: 5000, ..sim };
         let h = 0.01;
         let zeno = (2.0 * h / G).sqrt() * (1.0 + e) / (1.0 - e);
@@ -102,7 +74,7 @@ fn bounces_end_where_rounding_begins() {
 /// No event is lost or reported twice in ten thousand bounces with e = 1, one every 2√(2h/g).
 #[test]
 fn ten_thousand_elastic_bounces_are_each_reported_once() {
-    let mut sim = simulation(ball("prismatic"), level(), rule("newton", 1.0, 0.0));
+    let mut sim = simulation(falling_ball(), level(), rule("newton", 1.0, 0.0));
     sim.max_events = 10_000;
     let h = 0.02_f64;
     let run = sim.run(&[0.1 + h], &[0.0], 1e4).unwrap();
@@ -118,7 +90,7 @@ fn ten_thousand_elastic_bounces_are_each_reported_once() {
 /// A ball thrown obliquely: without friction its horizontal velocity stays constant through all bounces.
 #[test]
 fn free_ball_keeps_its_horizontal_velocity_without_friction() {
-    let sim = simulation(ball("floating"), level(), rule("frictionless", 0.7, 0.0));
+    let sim = simulation(free_ball(), level(), rule("frictionless", 0.7, 0.0));
     let q = [0.0, 0.0, 1.1, 0.0, 0.0, 0.0, 1.0];
     let qd = [0.3, -0.2, 0.0, 0.0, 0.0, 0.0];
     let run = sim.run(&q, &qd, 4.0).unwrap();
@@ -136,14 +108,14 @@ fn free_ball_keeps_its_horizontal_velocity_without_friction() {
 /// 5/7 of its initial speed, after t = 2 v/(7 μ g).
 #[test]
 fn sliding_ball_begins_to_roll_at_the_closed_form_time() {
-    let sim = simulation(ball("floating"), level(), rule("frictionless", 0.0, 0.2));
+    let sim = simulation(free_ball(), level(), rule("frictionless", 0.0, 0.2));
     let (q, v) = ([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0], 1.4);
     let run = sim.run(&q, &[v, 0.0, 0.0, 0.0, 0.0, 0.0], 2.0).unwrap();
     let rolls =
         run.events.iter().find(|e| matches!(e.kind, EventKind::Mode { mode: ContactMode::Sticking { .. } })).unwrap();
     let time = 2.0 * v / (7.0 * 0.2 * G);
     assert!((rolls.time - time).abs() < 1e-7, "{} against {time}", rolls.time);
-    let speed = |m: &carom::sim::Moment| {
+    let speed = |m: &carom_sim::Moment| {
         // World velocity of the centre: child axes turn with the ball.
         let kin_q = &m.q;
         let mut rate = vec![0.0; 7];
@@ -155,8 +127,8 @@ fn sliding_ball_begins_to_roll_at_the_closed_form_time() {
 }
 
 fn wall_scene(speed: f64, e: f64) -> (Simulation, [f64; 2], Vec<f64>) {
-    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
-    let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
+    let chain = robot("planar2");
+    let wall = half_space([0.6464, 0.0, 0.0], -Vector3::x());
     let mut sim = simulation(chain, wall, rule("energetic", e, 0.0));
     sim.gravity = Vector3::zeros();
     let q = [45_f64.to_radians(), -90_f64.to_radians()];
@@ -178,10 +150,10 @@ fn restitution_is_exact_at_every_approach_speed() {
             let EventKind::Impact { hit, .. } = &run.events[0].kind else { panic!("{:?}", run.events[0]) };
             assert!(((hit.u_plus.x / hit.u_minus.x) + e).abs() < 1e-12, "{speed} {e}");
             // The jump of all joint velocities equals that of a single impact at the pose of the event.
-            let law = carom::Frictionless { restitution: e };
+            let law = carom_impact::Frictionless { restitution: e };
             let tip = sim.chain.frame("tip").unwrap();
             let event = &run.events[0];
-            use carom::Impacts;
+            use carom_sim::Impacts;
             let exact =
                 sim.chain.impact(&event.q, &event.qd_minus).at(tip).normal([-1.0, 0.0, 0.0]).resolve(&law).unwrap();
             for (a, b) in event.qd_plus.iter().zip(&exact.qd_plus) {
@@ -200,14 +172,10 @@ fn restitution_is_exact_at_every_approach_speed() {
 /// accumulation.
 #[test]
 fn pendulum_impacts_without_accumulation_are_all_resolved() {
-    let text = r#"<robot name="pendulum"><link name="top"/>
-        <link name="bob"><inertial><origin xyz="0 0 -1"/><mass value="1"/>
-          <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
-          <collision><origin xyz="0 0 -1"/><geometry><sphere radius="0.05"/></geometry></collision></link>
-        <joint name="hinge" type="continuous"><parent link="top"/><child link="bob"/><axis xyz="0 1 0"/></joint></robot>"#;
-    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
-    let wall = Obstacle::half_space(Vector3::new(-0.05, 0.0, 0.0), Vector3::x()).unwrap();
-    let sim = simulation(chain, wall, rule("newton", 0.5, 0.0));
+    let bob = Part { com: [0.0, 0.0, -1.0], ..Part::hinge("bob", "base", Y) };
+    let bob = bob.weighing(1.0, [0.1; 3]).with(shape(&ball(0.05), [0.0, 0.0, -1.0], O));
+    let wall = half_space([-0.05, 0.0, 0.0], Vector3::x());
+    let sim = simulation(chain(&[bob]), wall, rule("newton", 0.5, 0.0));
     // Small swings: 1e-3 rad.
     let run = sim.run(&[-1e-3], &[0.0], 30.0).unwrap();
     assert!(run.events.iter().all(|e| matches!(e.kind, EventKind::Impact { .. })), "{:?}", run.events.last());
@@ -224,19 +192,12 @@ fn pendulum_impacts_without_accumulation_are_all_resolved() {
 /// g (sin θ − μ cos θ).
 #[test]
 fn slider_on_a_slope_sticks_below_the_friction_angle_and_slides_above() {
-    let text = r#"<robot name="block"><link name="world"/><link name="a"/>
-        <link name="block"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
-          <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
-        <joint name="x" type="prismatic"><parent link="world"/><child link="a"/><axis xyz="1 0 0"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="z" type="prismatic"><parent link="a"/><child link="block"/><axis xyz="0 0 1"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint></robot>"#;
-    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
+    let block = along(&[X, Z], 1.0, [1.0; 3], &ball(0.1));
     let mu = 0.3_f64;
     for (angle, slides) in [(mu.atan() - 0.01, false), (mu.atan() + 0.1, true)] {
         let (s, c) = angle.sin_cos();
-        let slope = Obstacle::half_space(Vector3::zeros(), Vector3::new(s, 0.0, c)).unwrap();
-        let sim = simulation(chain.clone(), slope, rule("newton", 0.0, mu));
+        let slope = half_space([0.0; 3], [s, 0.0, c]);
+        let sim = simulation(block.clone(), slope, rule("newton", 0.0, mu));
         let start = [0.1 * s, 0.1 * c];
         let run = sim.run(&start, &[0.0, 0.0], 1.0).unwrap();
         let way = (run.summary.last.q[0] - start[0]).hypot(run.summary.last.q[1] - start[1]);
@@ -249,16 +210,9 @@ fn slider_on_a_slope_sticks_below_the_friction_angle_and_slides_above() {
 /// A bead that slides down a smooth sphere from θ₀ with speed v₀ leaves it at cos θ = ⅔ (cos θ₀ + v₀²/2gR).
 #[test]
 fn bead_leaves_a_smooth_sphere_at_the_closed_form_angle() {
-    let text = r#"<robot name="bead"><link name="world"/><link name="a"/>
-        <link name="bead"><inertial><mass value="0.3"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
-          <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
-        <joint name="x" type="prismatic"><parent link="world"/><child link="a"/><axis xyz="1 0 0"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="z" type="prismatic"><parent link="a"/><child link="bead"/><axis xyz="0 0 1"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint></robot>"#;
-    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
+    let bead = along(&[X, Z], 0.3, [1.0; 3], &ball(0.1));
     let dome = Obstacle::sphere(Vector3::zeros(), 0.9).unwrap();
-    let sim = simulation(chain, dome, rule("newton", 0.3, 0.0));
+    let sim = simulation(bead, dome, rule("newton", 0.3, 0.0));
     let (theta, v) = (0.2_f64, 0.5);
     let (q, qd) = ([theta.sin(), theta.cos()], [v * theta.cos(), -v * theta.sin()]);
     let run = sim.run(&q, &qd, 1.2).unwrap();
@@ -276,8 +230,8 @@ fn bead_leaves_a_smooth_sphere_at_the_closed_form_angle() {
 /// A falling chain without impacts conserves its energy over a minute and thousands of steps.
 #[test]
 fn energy_is_conserved_without_impacts() {
-    let chain = carom::uniform_chain(2, 2.0, 2.0).unwrap();
-    let far = Obstacle::half_space(Vector3::new(0.0, 0.0, -100.0), Vector3::z()).unwrap();
+    let chain = carom_chain::uniform_chain(2, 2.0, 2.0).unwrap();
+    let far = half_space([0.0, 0.0, -100.0], Vector3::z());
     let mut sim = simulation(chain, far, rule("frictionless", 0.5, 0.0));
     sim.gravity = Vector3::new(0.0, -G, 0.0);
     sim.tolerance = 1e-12;
@@ -295,8 +249,8 @@ fn energy_is_conserved_without_impacts() {
 /// Multiples of the interval that exceed the duration by rounding, such as 3 × 0.1 s, are samples at its end.
 #[test]
 fn the_last_sample_of_a_run_is_at_its_end() {
-    let chain = carom::uniform_chain(2, 2.0, 2.0).unwrap();
-    let far = Obstacle::half_space(Vector3::new(0.0, 0.0, -100.0), Vector3::z()).unwrap();
+    let chain = carom_chain::uniform_chain(2, 2.0, 2.0).unwrap();
+    let far = half_space([0.0, 0.0, -100.0], Vector3::z());
     let sim = simulation(chain, far, rule("frictionless", 0.5, 0.0));
     for (duration, every, count) in [(0.3, 0.1, 4), (0.7, 0.1, 8), (1.2, 0.1, 13), (0.35, 2e-4, 1751), (0.35, 0.1, 4)] {
         let mut times = Vec::new();
@@ -316,20 +270,16 @@ fn the_last_sample_of_a_run_is_at_its_end() {
 /// Reaching a joint limit is an impact: the velocities of all joints jump.
 #[test]
 fn reaching_a_joint_limit_is_an_impact() {
-    let text = r#"<robot name="r"><link name="a"/>
-        <link name="b"><inertial><mass value="1"/><origin xyz="0.5 0 0"/>
-          <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
-        <link name="c"><inertial><mass value="1"/><origin xyz="0.5 0 0"/>
-          <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
-        <joint name="one" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
-        <joint name="two" type="revolute"><parent link="b"/><child link="c"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/>
-          <limit lower="-1" upper="1" effort="0" velocity="0"/></joint></robot>"#;
-    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
-    let mut sim = simulation(chain, level(), rule("newton", 0.6, 0.0));
+    let arm = |name: &str, parent: &str| Part {
+        com: [0.5, 0.0, 0.0],
+        ..Part::hinge(name, parent, Z).weighing(1.0, [0.01, 0.1, 0.1])
+    };
+    let second = Part { joint: "revolute", ..arm("two", "one").at(X).limits(-1.0, 1.0, 0.0) };
+    let mut sim = simulation(chain(&[arm("one", "base"), second]), level(), rule("newton", 0.6, 0.0));
     sim.gravity = Vector3::zeros();
     let run = sim.run(&[0.0, 0.0], &[0.1, 2.0], 2.0).unwrap();
     let event = &run.events[0];
-    assert!(matches!(&event.kind, EventKind::Limit { joint, .. } if joint == "two"), "{:?}", event.kind);
+    assert!(matches!(&event.kind, EventKind::Limit { joint, .. } if joint == "jtwo"), "{:?}", event.kind);
     assert!((event.q[1] - 1.0).abs() < 1e-13);
     assert!((event.qd_plus[1] + 0.6 * event.qd_minus[1]).abs() < 1e-13);
     // −(1+e) q̇ᵢ M⁻¹eᵢ/(M⁻¹)ᵢᵢ: the momentum of the first joint is untouched.
@@ -341,7 +291,7 @@ fn reaching_a_joint_limit_is_an_impact() {
 
 #[test]
 fn shipped_planar2_scene_runs() {
-    let scene = Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/planar2.toml")).unwrap();
+    let scene = shipped("planar2");
     let run = scene.simulation.run(&scene.q, &scene.qd, scene.duration).unwrap();
     let EventKind::Impact { hit, .. } = &run.events[0].kind else { panic!("{:?}", run.events[0]) };
     assert!((hit.u_plus.x + 0.35 * hit.u_minus.x).abs() < 1e-15);
@@ -350,20 +300,20 @@ fn shipped_planar2_scene_runs() {
 
 #[test]
 fn invalid_simulations_are_refused_with_the_reason() {
-    let sim = simulation(ball("prismatic"), level(), rule("newton", 0.5, 0.0));
+    let sim = simulation(falling_ball(), level(), rule("newton", 0.5, 0.0));
     let said = |q: f64, tolerance: f64, duration: f64| {
         let mut sim = sim.clone();
         sim.tolerance = tolerance;
         sim.run(&[q], &[0.0], duration).unwrap_err().to_string()
     };
-    assert_eq!(said(0.05, 1e-9, 1.0), "at the start ball on floor overlaps by 0.05 m: choose a start without overlap");
+    assert_eq!(said(0.05, 1e-9, 1.0), "at the start l1 on floor overlaps by 0.05 m: choose a start without overlap");
     assert_eq!(said(1.0, 0.0, 1.0), "tolerance is 0: it must be positive and finite");
     assert_eq!(said(1.0, 1e-9, -1.0), "duration is -1: it must be positive and finite");
     assert!(ContactLaw::named("hertz", Coefficients::default()).is_none());
     // A robot without collision shapes has no touches.
-    let arm = carom::uniform_chain(2, 2.0, 2.0).unwrap();
+    let arm = carom_chain::uniform_chain(2, 2.0, 2.0).unwrap();
     assert!(
-        Touch::all(&arm, &[surface(level(), rule("newton", 0.5, 0.0))], 0.0).unwrap().touches.is_empty(),
+        Touch::all(&arm, &[floor(rule("newton", 0.5, 0.0))], 0.0).unwrap().touches.is_empty(),
         "the chain has no collision shapes"
     );
 }
@@ -373,12 +323,10 @@ fn invalid_simulations_are_refused_with_the_reason() {
 fn a_contact_much_shorter_than_a_step_is_detected() {
     for (depth, hits) in [(1e-6, true), (1e-9, true), (-1e-9, false)] {
         let post = Obstacle::sphere(Vector3::zeros(), 0.5).unwrap();
-        let sim =
-            Simulation { gravity: Vector3::zeros(), ..simulation(ball("floating"), post, rule("newton", 0.5, 0.0)) };
+        let sim = Simulation { gravity: Vector3::zeros(), ..simulation(free_ball(), post, rule("newton", 0.5, 0.0)) };
         let start = [-2.0, 0.6 - depth, 0.0, 0.0, 0.0, 0.0, 1.0];
         let run = sim.run(&start, &[40.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.1).unwrap();
-        let kinds: Vec<&str> = run.events.iter().map(|event| event.kind.name()).collect();
-        assert_eq!(kinds, if hits { vec!["impact"] } else { Vec::new() }, "{depth}");
+        assert_eq!(kinds(&run), if hits { vec!["impact"] } else { Vec::new() }, "{depth}");
         if hits {
             // The contact begins where (0.6 − depth)² + x² = 0.6².
             let (x, found) = (-(2.0 * 0.6 * depth - depth * depth).sqrt(), run.events[0].q[0]);

@@ -1,16 +1,11 @@
 //! Bodies whose faces and edges touch: closed forms of tipping, sliding off an edge, resting on crossings of edges, rolling.
 
-mod bodies;
-
-use bodies::{floating_box, in_plane};
-use carom::Chain;
-use carom_chain::urdf::LoadOptions;
+use carom_chain::Chain;
 use carom_contact::Obstacle;
-use carom_impact::Newton;
-use carom_sim::{ContactMode, ContactRule, ContactState, EventKind, Simulation, Surface, Touch, Trajectory};
+use carom_sim::{ContactMode, ContactState, EventKind, Simulation, Touch, Trajectory};
+use carom_testing::build::{O, Part, X, Y, Z, brick, chain, cylinder, floating_box, free, in_plane, shape};
+use carom_testing::scenes::{DOWN, G, among, level, newton, surface};
 use nalgebra::{Isometry3, Vector3};
-
-const G: f64 = 9.81;
 
 /// A simulation without joint limits, on a box whose top is in the plane z = 0.
 fn on_box(chain: Chain, centre: [f64; 2], size: [f64; 3], friction: f64) -> Simulation {
@@ -19,11 +14,7 @@ fn on_box(chain: Chain, centre: [f64; 2], size: [f64; 3], friction: f64) -> Simu
 }
 
 fn on(chain: Chain, obstacle: Obstacle, friction: f64) -> Simulation {
-    let contact = ContactRule::new(Newton { restitution: 0.0, friction });
-    let surface = Surface { name: "table".into(), obstacle, contact, motion: None };
-    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
-    let touches = touches.into_iter().filter(|touch| touch.link().is_some()).collect();
-    Simulation { gravity: Vector3::new(0.0, 0.0, -G), tolerance: 1e-11, ..Simulation::new(chain, touches) }
+    Simulation { tolerance: 1e-11, ..among(chain, &[surface("table", obstacle, newton(0.0, friction))]) }
 }
 
 fn no_time_steps(run: &Trajectory) {
@@ -116,16 +107,10 @@ fn crossed_planks_rest_on_the_crossings_of_their_edges() {
 fn a_cylinder_rolls_down_a_slope_on_its_rims() {
     let (r, length, mass, angle): (f64, f64, f64, f64) = (0.1, 0.3, 1.5, 0.3);
     let (axial, across) = (mass * r * r / 2.0, mass * (3.0 * r * r + length * length) / 12.0);
-    let text = format!(
-        r#"<robot name="roll"><link name="roll"><inertial><mass value="{mass}"/>
-        <inertia ixx="{across}" ixy="0" ixz="0" iyy="{across}" iyz="0" izz="{axial}"/></inertial>
-        <collision><geometry><cylinder radius="{r}" length="{length}"/></geometry></collision></link></robot>"#
-    );
-    let chain = Chain::from_urdf_str(&text, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap();
-    for obstacle in [
-        Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap(),
-        Obstacle::cuboid(Isometry3::translation(0.0, 0.0, -0.1), Vector3::new(4.0, 1.0, 0.2)).unwrap(),
-    ] {
+    let chain = free(mass, [across, across, axial], &shape(&cylinder(r, length), O, O));
+    for obstacle in
+        [level(), Obstacle::cuboid(Isometry3::translation(0.0, 0.0, -0.1), Vector3::new(4.0, 1.0, 0.2)).unwrap()]
+    {
         let mut sim = on(chain.clone(), obstacle, 0.5);
         sim.gravity = Vector3::new(angle.sin(), 0.0, -angle.cos()) * G;
         // Its axis along y.
@@ -149,15 +134,8 @@ fn a_cylinder_rolls_down_a_slope_on_its_rims() {
 /// A cylinder dropped upright rests on fixed points of its rim, and rocks from its rim onto them when it is dropped tilted.
 #[test]
 fn a_cylinder_comes_to_rest_on_its_cap() {
-    let chain = Chain::from_urdf_str(
-        r#"<robot name="can"><link name="can"><inertial><mass value="1"/>
-        <inertia ixx="0.004" ixy="0" ixz="0" iyy="0.004" iyz="0" izz="0.005"/></inertial>
-        <collision><geometry><cylinder radius="0.1" length="0.12"/></geometry></collision></link></robot>"#,
-        &LoadOptions { floating_base: true, ..LoadOptions::default() },
-    )
-    .unwrap();
-    let sim =
-        Simulation { tolerance: 1e-9, ..on(chain, Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap(), 0.5) };
+    let can = free(1.0, [0.004, 0.004, 0.005], &shape(&cylinder(0.1, 0.12), O, O));
+    let sim = Simulation { tolerance: 1e-9, ..on(can, level(), 0.5) };
     for tilt in [0.0_f64, 0.2] {
         let q = [0.0, 0.0, 0.12, 0.0, (tilt / 2.0).sin(), 0.0, (tilt / 2.0).cos()];
         let run = sim.run(&q, &[0.0; 6], 3.0).unwrap();
@@ -174,24 +152,17 @@ fn a_cylinder_comes_to_rest_on_its_cap() {
 #[test]
 fn a_box_is_carried_by_a_link() {
     let (cart, mass, c, v) = (3.0, 1.0, 2.0_f64, 1.5);
-    let text = format!(
-        r#"<robot name="ride"><link name="world"/><link name="a"/><link name="b"/>
-        <link name="cart"><inertial><mass value="{cart}"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
-          <collision><origin xyz="0 0 -0.1"/><geometry><box size="1 0.5 0.2"/></geometry></collision></link>
-        <link name="box"><inertial><mass value="{mass}"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>
-          </inertial><collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
-        <joint name="drive" type="prismatic"><parent link="world"/><child link="cart"/><axis xyz="1 0 0"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/><dynamics damping="{c}"/></joint>
-        <joint name="x" type="prismatic"><parent link="world"/><child link="a"/><axis xyz="1 0 0"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="z" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="turn" type="continuous"><parent link="b"/><child link="box"/><axis xyz="0 1 0"/></joint></robot>"#
-    );
-    let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
-    let contact = ContactRule::new(Newton { restitution: 0.0, friction: 0.4 });
-    let touches = Touch::between(&chain, "box", "cart", &contact).unwrap();
-    let sim = Simulation { gravity: Vector3::new(0.0, 0.0, -G), tolerance: 1e-11, ..Simulation::new(chain, touches) };
+    let damped =
+        Part::slider("cart", "base", X).joint(&format!(r#"<dynamics damping="{c}"/>"#)).weighing(cart, [1.0; 3]);
+    let parts = [
+        damped.with(shape(&brick([1.0, 0.5, 0.2]), [0.0, 0.0, -0.1], O)),
+        Part::slider("a", "base", X).massless(),
+        Part::slider("b", "a", Z).massless(),
+        Part::hinge("box", "b", Y).weighing(mass, [0.01; 3]).shaped(&brick([0.2; 3])),
+    ];
+    let chain = chain(&parts);
+    let touches = Touch::between(&chain, "box", "cart", &newton(0.0, 0.4)).unwrap();
+    let sim = Simulation { gravity: DOWN, tolerance: 1e-11, ..Simulation::new(chain, touches) };
     let run = sim.run(&[0.0, 0.1, 0.1, 0.0], &[v, v, 0.0, 0.0], 1.0).unwrap();
     no_time_steps(&run);
     let exact = v * (-c / (cart + mass)).exp();

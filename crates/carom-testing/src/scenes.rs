@@ -1,0 +1,110 @@
+//! Surfaces, laws and simulations.
+
+use crate::files::{Folder, path, text};
+use carom_chain::Chain;
+use carom_contact::Obstacle;
+use carom_impact::{Coefficients, Newton};
+use carom_sim::{ContactLaw, ContactRule, Scene, SimError, Simulation, Surface, Touch, Trajectory};
+use nalgebra::Vector3;
+
+/// Gravity, m/s².
+pub const G: f64 = 9.81;
+/// Gravity along −z.
+pub const DOWN: Vector3<f64> = Vector3::new(0.0, 0.0, -G);
+
+/// A half-space by a point on its surface and the normal.
+pub fn half_space(point: impl Into<Vector3<f64>>, normal: impl Into<Vector3<f64>>) -> Obstacle {
+    Obstacle::half_space(point.into(), normal.into()).expect("a half-space")
+}
+
+/// The half-space below z = 0.
+pub fn level() -> Obstacle {
+    half_space([0.0; 3], Vector3::z())
+}
+
+/// A law by its name, of which a coefficient that is not given is 0.
+pub fn rule(law: &str, restitution: f64, friction: f64) -> ContactRule {
+    let coefficients = Coefficients { restitution, friction, ..Coefficients::default() };
+    ContactRule::new(ContactLaw::named(law, coefficients).expect("a law of this name"))
+}
+
+/// Newton's law.
+pub fn newton(restitution: f64, friction: f64) -> ContactRule {
+    ContactRule::new(Newton { restitution, friction })
+}
+
+/// A surface at rest.
+pub fn surface(name: &str, obstacle: Obstacle, contact: ContactRule) -> Surface {
+    Surface { name: name.into(), obstacle, contact, motion: None }
+}
+
+/// The surface z = 0, by the name `floor`.
+pub fn floor(contact: ContactRule) -> Surface {
+    surface("floor", level(), contact)
+}
+
+/// The contacts of the links with the surfaces, without joint limits.
+#[track_caller]
+pub fn touching(chain: &Chain, surfaces: &[Surface]) -> Vec<Touch> {
+    let touches = Touch::all(chain, surfaces, 0.0).unwrap().touches;
+    touches.into_iter().filter(|touch| touch.link().is_some()).collect()
+}
+
+/// A chain among surfaces under gravity along −z, without joint limits.
+#[track_caller]
+pub fn among(chain: Chain, surfaces: &[Surface]) -> Simulation {
+    let touches = touching(&chain, surfaces);
+    Simulation { gravity: DOWN, ..Simulation::new(chain, touches) }
+}
+
+/// As [`among`] with half-spaces, each by a point and a normal, and a tolerance of 1e-11.
+#[track_caller]
+pub fn among_planes(chain: Chain, planes: &[[Vector3<f64>; 2]], contact: &ContactRule) -> Simulation {
+    let plane = |(k, [point, normal]): (usize, &[Vector3<f64>; 2])| {
+        surface(&format!("plane {k}"), half_space(*point, *normal), contact.clone())
+    };
+    let surfaces: Vec<Surface> = planes.iter().enumerate().map(plane).collect();
+    Simulation { tolerance: 1e-11, ..among(chain, &surfaces) }
+}
+
+/// As [`among`] with the surface z = 0.
+#[track_caller]
+pub fn on_floor(chain: Chain, contact: ContactRule) -> Simulation {
+    among(chain, &[floor(contact)])
+}
+
+/// The names of the events of a run.
+pub fn kinds(run: &Trajectory) -> Vec<&'static str> {
+    run.events.iter().map(|event| event.kind.name()).collect()
+}
+
+/// A scene of the repository.
+#[track_caller]
+pub fn shipped(name: &str) -> Scene {
+    Scene::from_file(path(&format!("scenes/{name}.toml"))).unwrap()
+}
+
+/// A scene of the repository with some of its text replaced.
+#[track_caller]
+pub fn changed(name: &str, changes: &[(&str, &str)]) -> Scene {
+    let mut scene = text(&format!("scenes/{name}.toml"));
+    for (old, new) in changes {
+        assert!(scene.contains(old), "{name}: {old}");
+        scene = scene.replace(old, new);
+    }
+    Scene::from_toml(&scene, path("scenes")).unwrap()
+}
+
+/// Reads the scene of a text, with the files that it names, each by its name and text.
+pub fn scene(files: &[(&str, &str)], text: &str) -> Result<Scene, SimError> {
+    let folder = Folder::new();
+    for (name, text) in files {
+        folder.write(name, text);
+    }
+    Scene::from_file(folder.write("scene.toml", text))
+}
+
+/// Reads the scene of a text whose robots are those of the repository, by their file names.
+pub fn with_robots(text: &str) -> Result<Scene, SimError> {
+    Scene::from_toml(text, path("robots"))
+}
