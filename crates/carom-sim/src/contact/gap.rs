@@ -170,7 +170,7 @@ impl Touch {
         Some(BallOnPlane { centre, normal: A::project(model, *normal), height, radius: *radius })
     }
 
-    /// g and ġ; a gap of [`APART`] where the parts do not face each other.
+    /// g and ġ; [`APART`] where the parts do not face each other.
     pub(crate) fn look<A: Space>(
         &self,
         ball: Option<&BallOnPlane<A>>,
@@ -189,7 +189,7 @@ impl Touch {
             _ => {
                 let at = self.at(view, q, time);
                 if !at.counts() {
-                    return Ok((APART, 0.0));
+                    return Ok(APART);
                 }
                 Ok((at.gap, self.rate(&at, view, qd, time)?))
             }

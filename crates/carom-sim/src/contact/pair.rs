@@ -66,8 +66,8 @@ pub(crate) enum Against {
     Link(Box<LinkShape>),
 }
 
-/// The gap of parts that do not face each other, m.
-pub(crate) const APART: f64 = 1.0;
+/// The gap of parts that do not face each other, and its rate.
+pub(crate) const APART: (f64, f64) = (f64::INFINITY, 0.0);
 /// Pairs with more contacts of parts than this are not divided.
 const MANY: usize = 2000;
 /// A gap that exceeds its lower bound by less is equal to it, m.
@@ -178,10 +178,10 @@ impl Pair {
 
     /// Gap and gap rate of a contact of parts, as [`Touch::look`](super::Touch).
     pub fn look(&self, meeting: Meeting, placed: &Placed) -> (f64, f64) {
-        let Some((one, two)) = &self.parts else { return (APART, 0.0) };
+        let Some((one, two)) = &self.parts else { return APART };
         let Placed { poses: [own, other], .. } = placed;
         let met = meeting.at((one, own), (two, other));
-        if met.counts() { (met.gap.distance, met.gap.normal.dot(&placed.slip(&met.gap))) } else { (APART, 0.0) }
+        if met.counts() { (met.gap.distance, met.gap.normal.dot(&placed.slip(&met.gap))) } else { APART }
     }
 
     /// The gap of a corner over a half-space without its rate; `None` for other parts.

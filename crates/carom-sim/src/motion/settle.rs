@@ -7,7 +7,7 @@ use super::lasting::{Dry, DryJoint, Hold, Lasting};
 use super::rows::direction_of_slip;
 use super::select::Candidate;
 use super::smooth::{Kept, Motion};
-use crate::contact::{APART, Touch};
+use crate::contact::Touch;
 use crate::error::SimError;
 use crate::state::{Basis, Space};
 use carom_chain::Rows;
@@ -43,7 +43,7 @@ impl<A: Space> Motion<'_, A> {
         for own in rigid() {
             let touch = &sim.touches[own.touch];
             let at = touch.at(&view, &q, time);
-            if at.gap >= APART {
+            if at.gap.is_infinite() {
                 continue; // parts that no longer face each other
             }
             touch.row_into(&at, &view, rows.add())?;
@@ -66,7 +66,7 @@ impl<A: Space> Motion<'_, A> {
         for own in rigid() {
             let touch = &sim.touches[own.touch];
             let at = touch.at(&view, &q, time);
-            if at.gap >= APART {
+            if at.gap.is_infinite() {
                 continue;
             }
             match (at.surface, own.hold) {

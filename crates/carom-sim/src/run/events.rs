@@ -19,7 +19,7 @@ use super::memory::{Class, Memory};
 use super::sampler::Sampler;
 use super::trajectory::{Event, EventKind, Sampling, Seen, Statistics, StepReason, Summary};
 use super::watch::{Watch, Watched};
-use crate::contact::{APART, Touch};
+use crate::contact::Touch;
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
 use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion, Near, NonUnique};
@@ -395,7 +395,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             kept.map(|own| Candidate { touch: own.touch, slip: None, kept: Some(*own) }).collect();
         for &touch in touches {
             // Parts that no longer face each other have opened; what no joint moves has no force.
-            if self.gap(touch)?.0 < APART && self.motion.moves(touch, self.time, &self.y)? {
+            if self.gap(touch)?.0.is_finite() && self.motion.moves(touch, self.time, &self.y)? {
                 candidates.push(self.motion.candidate(touch, self.time, &self.y)?);
             }
         }

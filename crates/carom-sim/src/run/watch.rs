@@ -3,7 +3,7 @@
 use super::flow::Flow;
 use super::leap::LEAST;
 use super::witness::Witness;
-use crate::contact::{APART, Placed};
+use crate::contact::Placed;
 use crate::error::SimError;
 use crate::model::Simulation;
 use crate::motion::{ConstraintForces, ContactState, Dry, DryJoint, Gaps, Hold, Lasting, Motion};
@@ -371,7 +371,7 @@ impl Watch {
             }
             (Self::Leaves(i), _) => {
                 let at = sim.touches[now.lasting[i].touch].at(view, q, time);
-                Witness::velocity(at.margin.min(APART), Met::OUTSIDE)
+                Witness::velocity(at.margin, Met::OUTSIDE)
             }
             (Self::Depth(i), _) => {
                 let (gap, rate) = look(now.lasting[i].touch)?;
