@@ -2,7 +2,7 @@
 
 use carom::impact::Damping;
 use carom::sim::{
-    Compliance, ContactMode, ContactRule, Drive, EventKind, Holding, Simulation, Surface, Touch, Yielding,
+    Compliance, ContactMode, ContactRule, Drive, EventKind, Holding, Simulation, Surface, TorqueTable, Touch, Yielding,
 };
 use carom::{Chain, Energetic, Frictionless, Impacts};
 use carom_chain::urdf::LoadOptions;
@@ -352,7 +352,7 @@ fn walton_braun_contacts_remember_every_deeper_turn() {
     let rule = ContactRule { compliance, ..ContactRule::new(Energetic { restitution, friction: 0.0 }) };
     let touches = touching(&chain, floor, rule);
     let times = vec![0.0, duration];
-    let drive = Drive::Table { times, forces: vec![vec![-9.81], vec![-9.81 - grows * duration]] };
+    let drive = Drive::Table(TorqueTable { times, forces: vec![vec![-9.81], vec![-9.81 - grows * duration]] });
     let sim = Simulation { tolerance: 1e-10, drive, ..Simulation::new(chain, touches) };
     let run = sim.run(&[0.1], &[-speed], duration).unwrap();
 

@@ -48,8 +48,8 @@ pub use impact::{
     StruckPoint, frictionless_jump_into, saltation,
 };
 pub use model::{
-    Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint, Observed, Parameter,
-    Reference, RobotDrive, Simulation, Spring, Tracking, Transition, UserController, Wrench, WrenchAxes,
+    Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint, Observed, Parameter, Pd,
+    Reference, RobotDrive, Simulation, Spring, TorqueTable, Tracking, Transition, Wrench, WrenchAxes,
 };
 pub use motion::{ContactState, NonUnique, free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};

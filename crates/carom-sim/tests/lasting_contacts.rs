@@ -4,7 +4,7 @@ use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::{Mesh, Obstacle};
 use carom_impact::{Energetic, Newton};
-use carom_sim::{ContactMode, ContactRule, Drive, EventKind, Scene, Simulation, Summary, Surface, Touch};
+use carom_sim::{ContactMode, ContactRule, Drive, EventKind, Pd, Scene, Simulation, Summary, Surface, Touch};
 use nalgebra::{Isometry3, Vector3};
 
 const G: f64 = 9.81;
@@ -154,7 +154,7 @@ fn time_steps_are_implicit_in_the_controller() {
     let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
     let (mass, target, h) = (2.0, 0.3, 2.0_f64.powi(-7));
     for (kp, kd) in [(0.0, 0.0), (50.0, 0.0), (50.0, 4.0), (1e7, 3.0)] {
-        let drive = Drive::Pd { kp: kp.into(), kd: kd.into(), target: vec![target] };
+        let drive = Drive::Pd(Pd { kp: kp.into(), kd: kd.into(), target: vec![target] });
         let sim = Simulation { drive, stepping: true, contact_step: h, ..Simulation::new(chain.clone(), Vec::new()) };
         let (mut x, mut v) = (0.1_f64, 1.5_f64);
         for steps in 1..=8 {

@@ -1,7 +1,7 @@
 //! Scene files: units and bounds of their numbers, messages about refused values, and the bound of a plan.
 
 use carom_chain::ChainError;
-use carom_sim::{Drive, Scene, SimError};
+use carom_sim::{Drive, Pd, Scene, SimError};
 use std::path::PathBuf;
 
 /// Reads a scene with the arm `planar2.urdf`.
@@ -288,7 +288,7 @@ fn the_commonest_wrong_inputs_are_told_with_their_remedy() {
     let still =
         read("still", &format!("{ARM}[run]\nduration = 1\ncontroller = \"pd\"\n{gains}target = {{}}\n")).unwrap();
     assert!(
-        matches!(&still.simulation.drive, Drive::Pd { target, .. } if *target == still.q),
+        matches!(&still.simulation.drive, Drive::Pd(Pd { target, .. }) if *target == still.q),
         "{:?}",
         still.simulation.drive
     );

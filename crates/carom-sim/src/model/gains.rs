@@ -33,6 +33,17 @@ impl Gains {
         }
     }
 
+    /// The gains of all `nv` numbers of qd, to be changed one by one.
+    pub(super) fn each(&mut self, nv: usize) -> &mut [f64] {
+        if let Self::Same(gain) = self {
+            *self = Self::Each(vec![*gain; nv]);
+        }
+        match self {
+            Self::Same(gain) => std::slice::from_mut(gain),
+            Self::Each(gains) => gains,
+        }
+    }
+
     /// # Errors
     /// [`SimError`]: a gain that is negative or not finite, or a list of another length than nv.
     pub(crate) fn check(&self, what: &'static str, chain: &Chain) -> Result<(), SimError> {

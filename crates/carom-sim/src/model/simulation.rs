@@ -251,10 +251,8 @@ impl Simulation {
     /// # Errors
     /// [`SimError::BadLoop`] for a drive that cannot be combined with loops.
     pub(crate) fn check_loops_of(&self, drive: &Drive) -> Result<(), SimError> {
-        let of_trees =
-            |(_, it): &(Option<&str>, &Drive)| matches!(it, Drive::Transition(_) | Drive::ImpactInvariant(_));
         match self.loops.first() {
-            Some(first) if drive.each_robot().iter().any(of_trees) => {
+            Some(first) if drive.law().is_of_trees() => {
                 let rule = "cannot be combined with the controllers \"transition\" and \"impact-invariant\", whose formulas are \
                             those of a tree: choose another controller, or remove the loop";
                 Err(SimError::BadLoop { name: first.name.clone(), rule: rule.to_owned() })
@@ -329,7 +327,7 @@ impl Simulation {
     /// The first time after `time` at which drives, outer forces or surfaces jump or have a kink; infinite without one.
     pub(crate) fn next_kink(&self, moving: &[&Moving], time: f64) -> f64 {
         let drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
-        let kinks = drives.filter_map(|drive| drive.next_kink(time));
+        let kinks = drives.filter_map(|drive| drive.law().next_kink(time));
         let kinks = kinks.chain(self.wrenches.iter().filter_map(|wrench| wrench.next_kink(time)));
         let surfaces = moving.iter().filter_map(|moving| match moving {
             Moving::Given(motion) => motion.next_kink(time),
@@ -341,7 +339,7 @@ impl Simulation {
     /// Whether a chain at rest at `time` stays at rest beside surfaces at rest: no drive and no outer force depends on time.
     pub(crate) fn is_steady(&self, time: f64) -> bool {
         let mut drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
-        drives.all(Drive::is_steady) && self.wrenches.iter().all(|wrench| wrench.is_steady(time))
+        drives.all(|drive| drive.law().is_steady()) && self.wrenches.iter().all(|wrench| wrench.is_steady(time))
     }
 
     /// Normalises the quaternions in q, which the integration changes in length by its error. Returns whether any changed.

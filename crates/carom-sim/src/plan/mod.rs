@@ -462,15 +462,12 @@ fn merged(touches: &[Touch], flat: &PlanarChain) -> Vec<Touch> {
 /// of M⁻¹D and the root of that of M⁻¹K.
 fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
     let chain = &simulation.chain;
-    let rate_of = |drive: &Drive| match drive {
-        Drive::Transition(transition) => transition.gain,
-        _ => 0.0,
-    };
     let drives = || [Some(&simulation.drive), simulation.after_impact.as_ref()].into_iter().flatten();
-    let tracked = drives().flat_map(Drive::each_robot).map(|(_, drive)| rate_of(drive)).fold(0.0, f64::max);
+    let tracked = drives().map(|drive| drive.law().rate()).fold(0.0, f64::max);
     let (mut stiffness, mut damping) = (vec![0.0; chain.nv()], simulation.damping());
     for motor in motors(chain) {
-        let gains = |pick: fn((f64, f64)) -> f64| drives().map(|drive| pick(drive.gains(motor.v))).fold(0.0, f64::max);
+        let gains =
+            |pick: fn((f64, f64)) -> f64| drives().map(|drive| pick(drive.law().gains(motor.v))).fold(0.0, f64::max);
         stiffness[motor.v] += gains(|(p, _)| p);
         damping[motor.v] += gains(|(_, d)| d);
     }
