@@ -43,9 +43,9 @@ pub use contact::{
 };
 pub use error::SimError;
 pub use impact::{
-    ChainImpact, Contact, ContactRows, FrictionlessJump, Grip, ImpactBand, ImpactDerivative, Impacts, JointModel, Jump,
-    Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, RowRates, Saltation, SeveralImpact, States, Strike,
-    StruckPoint, frictionless_jump_into, saltation,
+    ChainImpact, Contact, ContactRows, FrictionlessJump, Grip, ImpactBand, ImpactDerivative, Impacts, JointModel,
+    Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, Saltation, SeveralImpact, States, Strike, StruckPoint,
+    frictionless_jump_into, saltation,
 };
 pub use model::{
     Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint, Observed, Parameter, Pd,
