@@ -70,7 +70,8 @@ pub(crate) enum Against {
 pub(crate) const APART: (f64, f64) = (f64::INFINITY, 0.0);
 /// Pairs with more contacts of parts than this are not divided.
 const MANY: usize = 2000;
-/// A gap that exceeds its lower bound by less is equal to it, m.
+/// A gap that exceeds its lower bound by less than this share of the size of the first body and its distance from the origin is
+/// equal to it.
 const EQUAL: f64 = 1e-12;
 /// Velocities within a step as a multiple of those at its ends.
 const BEYOND: f64 = 1.5;
@@ -209,7 +210,9 @@ impl Pair {
         let Some([own, other]) = self.bodies(placed) else { return false };
         let met = meeting.at(own, other);
         // A contact beyond the ends of its faces and edges is none, whatever its gap.
-        met.counts() && met.gap.distance - Separation::along(met.gap.normal, own, other) <= EQUAL
+        met.counts()
+            && met.gap.distance - Separation::along(met.gap.normal, own, other)
+                <= EQUAL * (self.size() + placed.poses[0].translation.norm())
     }
 
     /// The separation of the bodies along the normal of a contact of parts, m.

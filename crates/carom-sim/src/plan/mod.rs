@@ -67,6 +67,13 @@ pub struct Bounded {
     pub of: String,
 }
 
+/// Joint axes that deviate by less, rad, are parallel: [`Chain::to_planar`] aligns axes that files give with ten digits.
+const ALIGNED: f64 = 1e-9;
+/// Positions and directions of corners that differ by less, as a share of the distance from the origin of the link and of 1, are equal: some hundred
+/// times the rounding of a pose after a turn into the plane.
+const SAME: f64 = 1e-12;
+/// Numbers are shown with this inverse of a last digit where they differ from it by less than [`SAME`].
+const DIGITS: f64 = 1e9;
 /// If the stability of the explicit integrator needs more steps than this, the implicit one is used.
 const STIFF: f64 = 1e5;
 /// Dormand–Prince 8(5,3) is stable up to about this product of step and rate.
@@ -142,7 +149,7 @@ impl Plan {
                     let choice = format!("{merged} corners with the same projection as another");
                     self.leave_out("corners", choice, "they differ from it only perpendicular to the plane");
                 }
-                if tilt > 1e-9 {
+                if tilt > ALIGNED {
                     let bound = 2.0 * tilt * reach;
                     let choice = format!("joint axes turned by up to {} rad to be parallel", tidy(tilt));
                     let of = "displacement of any point, m: 2 × tilt × sum of the reaches of the joints".to_owned();
@@ -424,8 +431,8 @@ fn without_motor(chain: &Chain) -> Vec<&str> {
 
 /// Formats a number without the rounding errors of a rotation.
 fn tidy(x: f64) -> String {
-    let rounded = (x * 1e9).round() / 1e9;
-    let shown = if (rounded - x).abs() < 1e-12 { rounded + 0.0 } else { x };
+    let rounded = (x * DIGITS).round() / DIGITS;
+    let shown = if (rounded - x).abs() < SAME { rounded + 0.0 } else { x };
     format!("{shown}")
 }
 
@@ -435,8 +442,8 @@ fn merged(touches: &[Touch], flat: &PlanarChain) -> Vec<Touch> {
     let mut kept: Vec<Touch> = Vec::new();
     for touch in touches {
         let shadow = |touch: &Touch| match &touch.kind {
-            TouchKind::Ball { shape, centre, radius, normal: n, .. } if n.dot(&normal).abs() < 1e-12 => {
-                Some((shape.frame(), flat.point(shape.frame(), *centre).position, *radius))
+            TouchKind::Ball { shape, centre, radius, normal: n, .. } if n.dot(&normal).abs() < SAME => {
+                Some((shape.frame(), flat.point(shape.frame(), *centre).position, *radius, centre.norm()))
             }
             _ => None,
         };
@@ -445,7 +452,7 @@ fn merged(touches: &[Touch], flat: &PlanarChain) -> Vec<Touch> {
         let twin = |other: &Touch| {
             let (Some(a), Some(b)) = (own, shadow(other)) else { return false };
             a.0 == b.0
-                && (a.1 - b.1).norm() < 1e-12
+                && (a.1 - b.1).norm() <= SAME * a.3
                 && a.2 == b.2
                 && other.surface == touch.surface
                 && !touch.motion.as_ref().is_some_and(Moving::turns)

@@ -128,9 +128,9 @@ impl<A: Space> View<'_, A> {
 
 /// Accelerations below this share of those without loops are rounding.
 const LOST: f64 = 64.0 * f64::EPSILON;
-/// Distances up to this are rounding, m; velocities, m/s.
+/// Distances up to this share of the reach are rounding; velocities, of the reach per second.
 const ROUNDING: f64 = 1e-15;
-/// A loop whose points are within this distance is closed, m: far above rounding, far below any tolerance of integration.
+/// A loop whose points are within this share of the reach is closed: far above rounding, far below any tolerance of integration.
 const CLOSED: f64 = 1e-12;
 /// Newton's steps from any start.
 const STEPS: usize = 50;
@@ -154,7 +154,7 @@ pub(crate) fn close_loops<A: Space>(
         return Ok(false);
     }
     let mut changed = false;
-    let reach = couplings.iter().fold(1.0_f64, |most, coupling| most.max(coupling.reach));
+    let reach = couplings.iter().fold(0.0_f64, |most, coupling| most.max(coupling.reach));
     for step in 0.. {
         let mut view = View::closed_by(model, workspace, q, couplings)?;
         let gaps = view.gaps();
@@ -163,14 +163,15 @@ pub(crate) fn close_loops<A: Space>(
         let open = closed.as_ref().map_or(0.0, |closed| closed.most(|row| along[row]));
         // A joint that has turned many times is rounded to its own digits.
         let rounding = 4.0 * f64::EPSILON * reach * q.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        let within = CLOSED.max(rounding);
-        if open <= if step == 0 { ROUNDING } else { within } || step == STEPS {
+        let within = (CLOSED * reach).max(rounding);
+        if open <= if step == 0 { ROUNDING * reach } else { within } || step == STEPS {
             let excess = |k: &usize| gaps[*k].norm() / couplings[*k].reach;
             let worst = (0..gaps.len()).max_by(|a, b| excess(a).total_cmp(&excess(b))).unwrap_or(0);
             if !(open <= within && excess(&worst) <= SLACK) {
                 return Err(SimError::Loop { name: couplings[worst].name.to_string(), gap: gaps[worst].into() });
             }
-            if let Some(closed) = closed.filter(|closed| closed.most(|row| closed.rows.dot(row, qd)) > ROUNDING) {
+            if let Some(closed) = closed.filter(|closed| closed.most(|row| closed.rows.dot(row, qd)) > ROUNDING * reach)
+            {
                 closed.bind(qd, None);
                 changed = true;
             }
