@@ -21,7 +21,7 @@
 //! Proc. IEEE 112 (2024) 585.
 
 use super::derivative::{ContactRows, differentiate};
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use crate::state::Moment;
 use carom_chain::{Chain, Rows};
 use carom_impact::{ImpactProblem, Law};
@@ -92,10 +92,8 @@ pub fn saltation<C: ContactRows>(
     gap.rows_mut(0, nv).copy_from(&rows.row(2).transpose());
     let before = rate(&velocities)?;
     let closing = gap.dot(&before) - surface.z;
-    if closing.is_nan() || closing >= 0.0 {
-        let rule = "it must be negative: the state before an impact closes the gap (at grazing there is no derivative)";
-        return Err(SimError::Setting { what: "rate of the gap", value: closing, rule });
-    }
+    let rule = "it must be negative: the state before an impact closes the gap (at grazing there is no derivative)";
+    require(closing < 0.0, "rate of the gap", closing, rule)?;
     let late = &reset * before + reset_rate - rate(&after)?;
     let time = -gap / closing;
     Ok(Saltation { matrix: reset + late * time.transpose(), closing, time })

@@ -1,10 +1,11 @@
 //! What a controller has to say. Each is a type with [`ControlLaw`] in a file of its own, and a row of [`Drive`](super::Drive).
 
-use super::asked::Asked;
 use super::gains::{Gains, Motor};
+use super::spring::SpringAt;
 use crate::error::SimError;
 use crate::state::Space;
 use carom_chain::{Chain, Workspace};
+use nalgebra::Vector3;
 use std::ops::Range;
 
 /// The chain in the plane or in space, and its scratch memory.
@@ -66,6 +67,30 @@ pub(crate) trait ControlLaw {
     fn drive<A: Space>(&self, asked: &Asked, body: Body<A>, state: State, add: Add) -> Result<(), SimError>
     where
         Self: Sized;
+}
+
+/// The inputs of a drive beside the state.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Asked<'a> {
+    pub chain: &'a Chain,
+    pub time: f64,
+    pub gravity: Vector3<f64>,
+    /// For each number of qd whether an impact has hit its robot.
+    pub hit: &'a [bool],
+    /// The joints that motors can drive.
+    pub motors: &'a [Motor],
+    /// Largest force of each number of qd; empty: no limits.
+    pub limits: &'a [f64],
+    /// Damping of each number of qd, and springs: the passive joint forces.
+    pub damping: &'a [f64],
+    pub springs: &'a [SpringAt],
+}
+
+impl Asked<'_> {
+    /// Whether an impact has hit the robot, or one of several robots with one drive.
+    pub fn was_hit(&self) -> bool {
+        self.hit.contains(&true)
+    }
 }
 
 /// A part of a controller that depends on the chain.

@@ -1,7 +1,6 @@
 //! Controllers that users write in Rust.
 
-use super::asked::Asked;
-use super::control_law::{Add, Body, ControlLaw, State};
+use super::control_law::{Add, Asked, Body, ControlLaw, State};
 use crate::error::SimError;
 use crate::state::Space;
 use carom_chain::Chain;

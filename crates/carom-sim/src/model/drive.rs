@@ -1,7 +1,6 @@
 //! Joint drives: the list of controllers.
 
-use super::asked::Asked;
-use super::control_law::{Add, Body, ControlLaw, Driven, Part, State};
+use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
 use super::controller::{Controller, UserController};
 use super::gains::{Gains, Motor, motors};
 use super::impact_controllers::{ImpactInvariant, Transition};
@@ -9,7 +8,7 @@ use super::pd::Pd;
 use super::robot_drives::RobotDrive;
 use super::torques::{GravityCompensation, Off, TorqueTable};
 use super::tracking::Tracking;
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use crate::state::Space;
 use carom_chain::{Chain, Member};
 use std::ops::Range;
@@ -150,11 +149,10 @@ impl Drive {
         for (what, part) in self.clone().parts() {
             match part {
                 Part::Q(numbers) if chain.nq() == chain.nv() => chain.check_v(what, numbers)?,
-                Part::Q(numbers) if numbers.len() != chain.nq() => {
+                Part::Q(numbers) => {
                     let rule = "it must be nq, as that of q; the numbers of floating joints are not used";
-                    return Err(SimError::Setting { what: "length of the target", value: numbers.len() as f64, rule });
+                    require(numbers.len() == chain.nq(), "length of the target", numbers.len() as f64, rule)?;
                 }
-                Part::Q(_) => {}
                 Part::V(numbers) => chain.check_v(what, numbers)?,
                 Part::Gains(gains) => gains.check(what, chain)?,
                 Part::Link(name) => drop(chain.frame(name)?),

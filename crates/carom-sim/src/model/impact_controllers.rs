@@ -7,10 +7,9 @@
 //! | u, a | 3 | velocity and desired acceleration of the tip | `u`, `wanted` |
 //! | N | nv×nv | I − M⁻¹jᵀj/(j M⁻¹jᵀ): projection onto the velocities that no normal impulse changes; N M⁻¹jᵀ = 0 | – |
 
-use super::asked::Asked;
-use super::control_law::{Add, Body, ControlLaw, Driven, Part, State};
+use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
 use super::gains::{Gains, Motor, not_negative};
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use crate::state::{Space, View, pseudo_inverse};
 use carom_chain::urdf::JointType;
 use carom_chain::{ChainError, Rows};
@@ -68,9 +67,8 @@ pub struct ImpactInvariant {
 /// # Errors
 /// [`SimError::Setting`] for a normal whose length is not 1.
 fn check_unit(normal: &Vector3<f64>) -> Result<(), SimError> {
-    let (value, rule) = (normal.norm(), "it must be 1");
-    let fine = (value - 1.0).abs() < UNIT;
-    if fine { Ok(()) } else { Err(SimError::Setting { what: "length of the drive's normal", value, rule }) }
+    let length = normal.norm();
+    require((length - 1.0).abs() < UNIT, "length of the drive's normal", length, "it must be 1")
 }
 
 impl ControlLaw for Transition {

@@ -1,6 +1,5 @@
 //! What is simulated: a chain, its possible contacts, its motors, springs and outer forces, and the settings.
 
-mod asked;
 mod control_law;
 mod controller;
 mod drive;
@@ -17,7 +16,7 @@ mod torques;
 mod tracking;
 mod wrench;
 
-pub(crate) use asked::Asked;
+pub(crate) use control_law::Asked;
 pub use controller::{Controller, Observed};
 pub use drive::Drive;
 pub use gains::Gains;

@@ -1,9 +1,8 @@
 //! PD control.
 
-use super::asked::Asked;
-use super::control_law::{Add, Body, ControlLaw, Driven, Part, State};
+use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
 use super::gains::{Gains, Motor};
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use crate::state::Space;
 
 /// `kp (target − q) − kd qd`.
@@ -32,10 +31,8 @@ impl ControlLaw for Pd {
     }
 
     fn check(&self, robot: &Driven) -> Result<(), SimError> {
-        match robot.motors.iter().map(|motor| self.target[motor.q]).find(|x| !x.is_finite()) {
-            Some(value) => Err(SimError::Setting { what: "number of the target", value, rule: "it must be finite" }),
-            None => Ok(()),
-        }
+        let mut used = robot.motors.iter().map(|motor| self.target[motor.q]);
+        used.try_for_each(|x| require(x.is_finite(), "number of the target", x, "it must be finite"))
     }
 
     fn gains(&self, v: usize) -> (f64, f64) {

@@ -1,10 +1,9 @@
 //! A drive for each of several robots.
 
-use super::asked::Asked;
-use super::control_law::{Add, Body, ControlLaw, Driven, State};
+use super::control_law::{Add, Asked, Body, ControlLaw, Driven, State};
 use super::drive::Drive;
 use super::gains::Motor;
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use crate::state::Space;
 use std::ops::Range;
 
@@ -51,15 +50,11 @@ impl ControlLaw for Vec<RobotDrive> {
 
     fn check(&self, &Driven { chain, motors, .. }: &Driven) -> Result<(), SimError> {
         self.iter().try_for_each(|it| {
-            let refuse = |what, value, rule| Err(SimError::Setting { what, value, rule });
-            if it.v.end > chain.nv() {
-                let rule = "the entries of a robot's drive must be entries of qd";
-                return refuse("end of a robot's entries", it.v.end as f64, rule);
-            }
-            if it.drives().any(|drive| matches!(drive, Drive::Robots(_))) {
-                let rule = "the drive of one robot must not be divided among robots again";
-                return refuse("number of robots of a drive", 0.0, rule);
-            }
+            let rule = "the entries of a robot's drive must be entries of qd";
+            require(it.v.end <= chain.nv(), "end of a robot's entries", it.v.end as f64, rule)?;
+            let divided = it.drives().any(|drive| matches!(drive, Drive::Robots(_)));
+            let rule = "the drive of one robot must not be divided among robots again";
+            require(!divided, "number of robots of a drive", 0.0, rule)?;
             let robot = Driven { chain, motors: it.motors(motors), v: it.v.clone() };
             it.drives().try_for_each(|drive| drive.check_on(&robot))
         })

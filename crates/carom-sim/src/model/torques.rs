@@ -1,8 +1,7 @@
 //! Joint forces without feedback: none, constant ones, those of a table, and those that balance gravity.
 
-use super::asked::Asked;
-use super::control_law::{Add, Body, ControlLaw, Driven, Part, State};
-use crate::error::SimError;
+use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
+use crate::error::{SimError, require};
 use crate::state::{Space, View, between, next_of};
 
 /// Motors off.
@@ -61,16 +60,11 @@ impl ControlLaw for TorqueTable {
 
     fn check(&self, _: &Driven) -> Result<(), SimError> {
         let Self { times, forces } = self;
-        let refuse = |what, value, rule| Err(SimError::Setting { what, value, rule });
-        if times.len() != forces.len() || times.is_empty() {
-            let rule = "it must be the number of times, and at least 1";
-            return refuse("number of rows of the torque table", forces.len() as f64, rule);
-        }
-        let ascend = |pair: &&[f64]| pair[0].partial_cmp(&pair[1]) == Some(std::cmp::Ordering::Less);
-        if let Some(pair) = times.windows(2).find(|pair| !ascend(pair)) {
-            return refuse("time in the torque table", pair[1], "the times of a torque table must ascend");
-        }
-        Ok(())
+        let rule = "it must be the number of times, and at least 1";
+        let paired = times.len() == forces.len() && !times.is_empty();
+        require(paired, "number of rows of the torque table", forces.len() as f64, rule)?;
+        let rule = "the times of a torque table must ascend";
+        times.windows(2).try_for_each(|pair| require(pair[0] < pair[1], "time in the torque table", pair[1], rule))
     }
 
     fn is_steady(&self) -> bool {

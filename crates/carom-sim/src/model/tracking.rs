@@ -5,11 +5,10 @@
 //! | r, ṙ, r̈ | nv | reference |
 //! | τ_p | nv | passive joint forces: damping and springs |
 
-use super::asked::Asked;
-use super::control_law::{Add, Body, ControlLaw, Driven, Part, State};
+use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
 use super::gains::Gains;
 use super::reference::Reference;
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use crate::state::{Space, View};
 
 /// Feedback and feed-forward along a reference: `τ = τ_r + kp (r − q) + kd (ṙ − q̇)` at the joints with one coordinate.
@@ -38,17 +37,12 @@ impl ControlLaw for Tracking {
     }
 
     fn check(&self, &Driven { motors, ref v, .. }: &Driven) -> Result<(), SimError> {
-        let refuse = |what, value, rule| Err(SimError::Setting { what, value: value as f64, rule });
-        if self.reference.joints() != motors.len() {
-            let rule = "it must be the number of joints with one coordinate";
-            return refuse("number of joints of the reference", self.reference.joints(), rule);
-        }
-        if self.feed_forward && motors.len() != v.len() {
-            let rule = "feed-forward needs a motor at each of them: set feed_forward = false for robots with a floating or \
-                        planar joint";
-            return refuse("number of velocities of the robot", v.len(), rule);
-        }
-        Ok(())
+        let (joints, rule) = (self.reference.joints(), "it must be the number of joints with one coordinate");
+        require(joints == motors.len(), "number of joints of the reference", joints as f64, rule)?;
+        let fed = !self.feed_forward || motors.len() == v.len();
+        let rule = "feed-forward needs a motor at each of them: set feed_forward = false for robots with a floating or \
+                    planar joint";
+        require(fed, "number of velocities of the robot", v.len() as f64, rule)
     }
 
     fn is_steady(&self) -> bool {
