@@ -12,10 +12,10 @@
 //! positions within their limits. With a slider without limits, a planar joint or a floating base, R is infinite. If
 //! sliders stay within their limits, no pair that can touch is left out.
 
+use crate::gap::solid_gap;
 use crate::obstacle::{Obstacle, Surface};
 use crate::shape::LinkShape;
 use crate::solid::Solid;
-use crate::{gap::solid_gap, shape::pose_of};
 use carom_chain::algebra::{Pose, SpatialJoint};
 use carom_chain::{Chain, Spatial};
 use nalgebra::Vector3;
@@ -201,7 +201,7 @@ impl Region {
                 axial + centre - slide(self.reach, across) - normal.dot(point)
             }
             other => {
-                let (low, high) = extent(other, slab.axis);
+                let (low, high) = extent(other, obstacle.pose(), slab.axis);
                 (low - slab.high).max(slab.low - high)
             }
         };
@@ -231,16 +231,14 @@ fn slide(stroke: f64, along: f64) -> f64 {
 }
 
 /// The lowest and the highest coordinate of an obstacle along a unit vector.
-fn extent(surface: &Surface, axis: Vector3<f64>) -> (f64, f64) {
+fn extent(surface: &Surface, pose: &Pose<Spatial<f64>>, axis: Vector3<f64>) -> (f64, f64) {
     match surface {
         Surface::HalfSpace { .. } => (f64::NEG_INFINITY, f64::INFINITY),
-        Surface::Solid { pose, solid } => {
-            let pose = pose_of(pose);
+        Surface::Solid { solid, .. } => {
             let (own, height) = (pose.rotation.tr_mul(&axis), axis.dot(&pose.translation));
             (height + solid.lowest(own).0, height - solid.lowest(-own).0)
         }
-        Surface::Mesh { pose, mesh } => {
-            let pose = pose_of(pose);
+        Surface::Mesh { mesh, .. } => {
             let heights = mesh.vertices().iter().map(|v| axis.dot(&pose.point(*v)));
             heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| (low.min(h), high.max(h)))
         }
