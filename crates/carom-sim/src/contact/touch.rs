@@ -41,8 +41,8 @@ pub(crate) enum TouchKind {
     /// Any other pair of bodies: a contact of two of their parts, or (`None`) their nearest points. A pair that is divided
     /// has touches of both kinds; its nearest points then are a contact only where no contact of parts is as near.
     Pair { pair: Arc<Pair>, part: Option<Meeting> },
-    /// A joint limit.
-    Limit { joint: String, q: usize, v: usize, bound: f64, upper: bool },
+    /// A joint limit, with the sign of the force that it exerts.
+    Limit { joint: String, q: usize, v: usize, bound: f64, sign: f64 },
 }
 
 /// The shapes of a chain among these surfaces: without surfaces none is needed, and no mesh is read.
@@ -216,12 +216,13 @@ impl Touch {
             for (bound, side) in [(joint.limits.lower, "lower"), (joint.limits.upper, "upper")] {
                 let Some(bound) = bound.map(|bound| (bound - offset) / multiplier) else { continue };
                 let upper = (side == "upper") == (multiplier > 0.0);
-                let kind = TouchKind::Limit { joint: joint.name.clone(), q, v, bound, upper };
+                let sign = if upper { -1.0 } else { 1.0 };
+                let kind = TouchKind::Limit { joint: joint.name.clone(), q, v, bound, sign };
                 let name = format!("{side} limit of {}", joint.name);
                 let contact = ContactRule::new(Frictionless { restitution });
                 let new = Self { name, contact, kind, surface: None, motion: None };
                 let known = touches.iter_mut().find_map(|touch| match touch.kind {
-                    TouchKind::Limit { q: own, upper: side, bound, .. } if own == q && side == upper => {
+                    TouchKind::Limit { q: own, sign: side, bound, .. } if own == q && side == sign => {
                         Some((touch, bound))
                     }
                     _ => None,
@@ -272,7 +273,7 @@ impl Touch {
     /// The coordinate of qd that a joint limit stops, and the sign of the joint force that it exerts.
     pub(crate) fn stops(&self) -> Option<(usize, f64)> {
         match &self.kind {
-            TouchKind::Limit { v, upper, .. } => Some((*v, if *upper { -1.0 } else { 1.0 })),
+            TouchKind::Limit { v, sign, .. } => Some((*v, *sign)),
             _ => None,
         }
     }

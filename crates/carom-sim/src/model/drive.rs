@@ -89,13 +89,18 @@ impl Drive {
     }
 
     /// The drives of the robots, each with the robot's name; for one robot its drive without a name.
-    pub(crate) fn each_robot(&self) -> Vec<(Option<&str>, &Self)> {
-        match self {
-            Self::Robots(robots) => {
-                robots.iter().flat_map(|it| it.drives().map(|drive| (Some(it.robot.as_str()), drive))).collect()
-            }
-            drive => vec![(None, drive)],
-        }
+    pub(crate) fn each_robot(&self) -> impl Iterator<Item = (Option<&str>, &Self)> {
+        let (robots, own) = match self {
+            Self::Robots(robots) => (robots.as_slice(), None),
+            own => (&[][..], Some((None, own))),
+        };
+        let named = robots.iter().flat_map(|it| it.drives().map(|drive| (Some(it.robot.as_str()), drive)));
+        named.chain(own)
+    }
+
+    /// The controllers of all robots.
+    pub(crate) fn laws(&self) -> impl Iterator<Item = &dyn ControlLaw> {
+        self.each_robot().map(|(_, drive)| drive.law())
     }
 
     fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {

@@ -39,10 +39,6 @@ impl RobotDrive {
     }
 }
 
-fn drives(robots: &[RobotDrive]) -> impl Iterator<Item = &Drive> {
-    robots.iter().flat_map(RobotDrive::drives)
-}
-
 impl ControlLaw for Vec<RobotDrive> {
     fn name(&self) -> &str {
         "one for each robot"
@@ -60,25 +56,9 @@ impl ControlLaw for Vec<RobotDrive> {
         })
     }
 
-    fn is_steady(&self) -> bool {
-        drives(self).all(|drive| drive.law().is_steady())
-    }
-
-    fn is_of_trees(&self) -> bool {
-        drives(self).any(|drive| drive.law().is_of_trees())
-    }
-
     fn gains(&self, v: usize) -> (f64, f64) {
         let own = self.iter().filter(|it| it.v.contains(&v)).flat_map(RobotDrive::drives);
         own.map(|drive| drive.law().gains(v)).fold((0.0, 0.0), |(p, d), (p2, d2)| (p.max(p2), d.max(d2)))
-    }
-
-    fn rate(&self) -> f64 {
-        drives(self).map(|drive| drive.law().rate()).fold(0.0, f64::max)
-    }
-
-    fn next_kink(&self, time: f64) -> Option<f64> {
-        drives(self).filter_map(|drive| drive.law().next_kink(time)).min_by(f64::total_cmp)
     }
 
     fn drive<A: Space>(

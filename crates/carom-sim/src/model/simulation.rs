@@ -1,5 +1,6 @@
 //! The description of a simulation: a chain with its contacts, and the settings. It runs in `run/stream.rs`.
 
+use super::control_law::ControlLaw;
 use super::drive::Drive;
 use super::gains::motors;
 use super::loops::Loop;
@@ -243,7 +244,7 @@ impl Simulation {
     /// [`SimError::BadLoop`] for a drive that cannot be combined with loops.
     pub(crate) fn check_loops_of(&self, drive: &Drive) -> Result<(), SimError> {
         match self.loops.first() {
-            Some(first) if drive.law().is_of_trees() => {
+            Some(first) if drive.laws().any(ControlLaw::is_of_trees) => {
                 let rule = "cannot be combined with the controllers \"transition\" and \"impact-invariant\", whose formulas are \
                             those of a tree: choose another controller, or remove the loop";
                 Err(SimError::BadLoop { name: first.name.clone(), rule: rule.to_owned() })
@@ -318,7 +319,7 @@ impl Simulation {
     /// The first time after `time` at which drives, outer forces or surfaces jump or have a kink; infinite without one.
     pub(crate) fn next_kink(&self, moving: &[&Moving], time: f64) -> f64 {
         let drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
-        let kinks = drives.filter_map(|drive| drive.law().next_kink(time));
+        let kinks = drives.flat_map(Drive::laws).filter_map(|law| law.next_kink(time));
         let kinks = kinks.chain(self.wrenches.iter().filter_map(|wrench| wrench.next_kink(time)));
         let surfaces = moving.iter().filter_map(|moving| match moving {
             Moving::Given(motion) => motion.next_kink(time),
@@ -329,8 +330,9 @@ impl Simulation {
 
     /// Whether a chain at rest at `time` stays at rest beside surfaces at rest: no drive and no outer force depends on time.
     pub(crate) fn is_steady(&self, time: f64) -> bool {
-        let mut drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
-        drives.all(|drive| drive.law().is_steady()) && self.wrenches.iter().all(|wrench| wrench.is_steady(time))
+        let drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
+        drives.flat_map(Drive::laws).all(ControlLaw::is_steady)
+            && self.wrenches.iter().all(|wrench| wrench.is_steady(time))
     }
 
     /// Normalises the quaternions in q, which the integration changes in length by its error. Returns whether any changed.

@@ -2,7 +2,7 @@
 
 use crate::contact::{Compliance, Moving, Touch, TouchKind, friction_bound};
 use crate::error::SimError;
-use crate::model::{Simulation, motors};
+use crate::model::{Drive, Simulation, motors};
 use crate::motion::Motion;
 use crate::state::View;
 use carom_chain::{Chain, Coordinates, JointInfo, PlanarChain, Spatial};
@@ -92,7 +92,7 @@ pub(super) fn merged(touches: &[Touch], flat: &PlanarChain) -> Vec<Touch> {
 pub(super) fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
     let chain = &simulation.chain;
     let drives = || [Some(&simulation.drive), simulation.after_impact.as_ref()].into_iter().flatten();
-    let tracked = drives().map(|drive| drive.law().rate()).fold(0.0, f64::max);
+    let tracked = drives().flat_map(Drive::laws).map(|law| law.rate()).fold(0.0, f64::max);
     let (mut stiffness, mut damping) = (vec![0.0; chain.nv()], simulation.damping());
     for motor in motors(chain) {
         let gains =
