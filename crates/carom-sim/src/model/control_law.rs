@@ -15,7 +15,8 @@ pub(crate) type State<'a> = (&'a [f64], &'a [f64]);
 /// Takes joint forces by number of qd.
 pub(crate) type Add<'a> = &'a mut dyn FnMut(usize, f64);
 
-/// A controller of a [`Drive`](super::Drive). The defaults are those of a controller without gains whose forces do not depend on time explicitly.
+/// A controller of a [`Drive`](super::Drive). The defaults are those of a controller without gains whose forces do not depend on time
+/// explicitly.
 pub(crate) trait ControlLaw {
     /// Its name in scene files; for a user's controller its own.
     fn name(&self) -> &str;

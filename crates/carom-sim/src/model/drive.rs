@@ -78,6 +78,7 @@ impl Drive {
         self.law().name()
     }
 
+    /// Its controller.
     pub(crate) fn law(&self) -> &dyn ControlLaw {
         of_controller!(self, own => own)
     }

@@ -8,8 +8,8 @@ use crate::state::View;
 use carom_chain::{Chain, Coordinates, JointInfo, PlanarChain, Spatial};
 use nalgebra::{DMatrix, Matrix3};
 
-/// Positions and directions of corners that differ by less, as a share of the distance from the origin of the link and of 1, are equal: some hundred
-/// times the rounding of a pose after a turn into the plane.
+/// Positions and directions of corners that differ by less, as a share of the distance from the origin of the link and of 1, are equal:
+/// some hundred times the rounding of a pose after a turn into the plane.
 pub(super) const SAME: f64 = 1e-12;
 
 /// Largest penetration, m, of the compliant touch with the smallest gap, if it were hit at the start pose and velocity.
