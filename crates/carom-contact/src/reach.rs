@@ -1,4 +1,4 @@
-//! Selection of the pairs of shapes and obstacles that can touch at some configuration.
+//! The pairs of shapes and obstacles that cannot touch at any configuration.
 //!
 //! | symbol | meaning |
 //! | --- | --- |
@@ -20,15 +20,6 @@ use carom_chain::algebra::{Pose, SpatialJoint};
 use carom_chain::{Chain, Spatial};
 use nalgebra::Vector3;
 use std::fmt;
-
-/// A pair of a shape and an obstacle, by their indices in the lists given to [`reachable_pairs`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Pair {
-    /// Index of the shape.
-    pub shape: usize,
-    /// Index of the obstacle.
-    pub obstacle: usize,
-}
 
 /// The reason why a pair cannot touch.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,29 +67,9 @@ impl fmt::Display for LeftOut {
     }
 }
 
-/// The result of [`reachable_pairs`].
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Reachable {
-    /// The pairs that may touch, by shape, then by obstacle.
-    pub pairs: Vec<Pair>,
-    /// The pairs that cannot touch, each with the reason.
-    pub left_out: Vec<(Pair, LeftOut)>,
-}
-
-/// Divides all pairs of a shape and an obstacle into those that may touch at some q and those that cannot.
-pub fn reachable_pairs(chain: &Chain, shapes: &[LinkShape], obstacles: &[Obstacle]) -> Reachable {
-    let mut found = Reachable::default();
-    for (i, shape) in shapes.iter().enumerate() {
-        let region = Region::of(chain, shape);
-        for (k, obstacle) in obstacles.iter().enumerate() {
-            let pair = Pair { shape: i, obstacle: k };
-            match region.as_ref().map_or(Some(LeftOut::Fixed), |region| region.misses(obstacle)) {
-                Some(reason) => found.left_out.push((pair, reason)),
-                None => found.pairs.push(pair),
-            }
-        }
-    }
-    found
+/// Why a shape cannot touch an obstacle at any q; `None` if it may.
+pub fn out_of_reach(chain: &Chain, shape: &LinkShape, obstacle: &Obstacle) -> Option<LeftOut> {
+    Region::of(chain, shape).map_or(Some(LeftOut::Fixed), |region| region.misses(obstacle))
 }
 
 /// Why the shapes of two links cannot touch at any q; `None` if they may.

@@ -14,9 +14,7 @@ use super::rule::ContactRule;
 use super::surface::{Moving, Surface, SurfaceMotion};
 use crate::error::SimError;
 use carom_chain::{Chain, JointCoordinate};
-use carom_contact::{
-    LeftOut, LinkShape, Meeting, Obstacle, Solid, Surface as Form, link_shapes, reachable_pairs, shapes_of_link,
-};
+use carom_contact::{LeftOut, LinkShape, Meeting, Solid, Surface as Form, link_shapes, out_of_reach, shapes_of_link};
 use carom_impact::Frictionless;
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -110,14 +108,14 @@ impl Touch {
         // The reach of moving surfaces is not computed.
         let (moving, still): (Vec<_>, Vec<_>) =
             surfaces.iter().partition(|surface| surface.motion.as_ref().is_some_and(SurfaceMotion::moves_shape));
-        let obstacles: Vec<Obstacle> = still.iter().map(|surface| surface.obstacle.clone()).collect();
-        let found = reachable_pairs(chain, &shapes, &obstacles);
-        let name = |shape: &LinkShape, surface: &Surface| format!("{} on {}", shape.link(), surface.name);
-        let left_out = found.left_out.iter();
-        let left_out = left_out.map(|(pair, why)| (name(&shapes[pair.shape], still[pair.obstacle]), *why)).collect();
-        let mut touches = Vec::new();
-        for pair in &found.pairs {
-            Self::add(&mut touches, &shapes[pair.shape], still[pair.obstacle]);
+        let (mut touches, mut left_out) = (Vec::new(), Vec::new());
+        for shape in &shapes {
+            for surface in &still {
+                match out_of_reach(chain, shape, &surface.obstacle) {
+                    Some(why) => left_out.push((format!("{} on {}", shape.link(), surface.name), why)),
+                    None => Self::add(&mut touches, shape, surface),
+                }
+            }
         }
         for surface in moving {
             shapes.iter().for_each(|shape| Self::add(&mut touches, shape, surface));

@@ -7,7 +7,7 @@
 //!   plane are merged.
 //! - **Joints** are never left out: the motion of a branch that no contact can reach is a result, too.
 //! - **Pairs** of a link and a surface that are out of reach at every configuration are removed
-//!   ([`carom_contact::reachable_pairs`]).
+//!   ([`carom_contact::out_of_reach`]).
 //! - **Friction** that is zero: a contact has one row instead of three, and no friction cone.
 //!
 //! Effects that are not exactly zero are left out only within the user's tolerance ([`Simulation::neglect`]) and with a
