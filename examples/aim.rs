@@ -12,7 +12,7 @@ use carom::chain::Coordinates;
 use carom::nalgebra::{DVector, Matrix3xX, Quaternion, UnitQuaternion, Vector3};
 #[cfg(feature = "rerun")]
 use carom::sim::Sampling;
-use carom::sim::{Drive, Parameter, Plan, Scene};
+use carom::sim::{Drive, Parameter, Pd, Plan, Scene};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/racket.toml");
 /// Where the centre of the ball is to be at the end, m: 14 cm above the plate.
@@ -83,7 +83,7 @@ fn ball(chain: &Chain) -> Result<(usize, usize), Box<dyn std::error::Error>> {
 
 /// The choice that the scene describes.
 fn start(plan: &Plan) -> Choice {
-    let Drive::Pd { target, .. } = &plan.simulation.drive else { unreachable!("the scene has PD control") };
+    let Drive::Pd(Pd { target, .. }) = &plan.simulation.drive else { unreachable!("the scene has PD control") };
     DVector::from_iterator(9, plan.q[..4].iter().chain(&target[..4]).copied().chain([0.0]))
 }
 
@@ -93,7 +93,7 @@ fn set(plan: &mut Plan, choice: &Choice, (q, v): (usize, usize)) {
     let height = 1.1 - 0.5 * GRAVITY * fall * fall;
     plan.q[..4].copy_from_slice(&choice.as_slice()[..4]);
     (plan.q[q + 2], plan.qd[v + 2]) = (height, -GRAVITY * fall);
-    if let Drive::Pd { target, .. } = &mut plan.simulation.drive {
+    if let Drive::Pd(Pd { target, .. }) = &mut plan.simulation.drive {
         target[..4].copy_from_slice(&choice.as_slice()[4..8]);
     }
 }

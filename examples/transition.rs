@@ -6,7 +6,7 @@
 use carom::contact::Obstacle;
 use carom::nalgebra::Vector3;
 use carom::sim::{
-    ContactMode, ContactRule, Drive, Event, EventKind, ImpactInvariant, Simulation, Surface, Touch, Trajectory,
+    ContactMode, ContactRule, Drive, Event, EventKind, ImpactInvariant, Pd, Simulation, Surface, Touch, Trajectory,
     Transition,
 };
 use carom::study::paper::{Elbow, strike};
@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // The target of the PD controllers is the configuration after 0.1 s of free motion: the tip 4 mm behind the wall.
     let target: Vec<f64> = pose.iter().zip(qd).map(|(q, v)| q + 0.1 * v).collect();
     let (kp, kd, tip) = (40.0, 4.0, || "tip".to_owned());
-    let pd = Drive::Pd { kp: kp.into(), kd: kd.into(), target: target.clone() };
+    let pd = Drive::Pd(Pd { kp: kp.into(), kd: kd.into(), target: target.clone() });
     let (kp, kd) = (kp.into(), kd.into());
     let blind = ImpactInvariant { tip: tip(), normal, kp, kd, target, velocity: vec![0.0; 2] };
     let velocity = before.hit.u_minus;

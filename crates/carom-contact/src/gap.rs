@@ -19,8 +19,8 @@
 
 use crate::closed_form::{self, Nearest, Segment};
 use crate::convex::{self, Placed};
-use crate::obstacle::{MeshSurface, Obstacle, Surface};
-use crate::parry::Bounds;
+use crate::obstacle::{Obstacle, Surface};
+use crate::parry::{Bounds, Triangles};
 use crate::shape::LinkShape;
 use crate::solid::{Core, Solid};
 use carom_chain::algebra::Pose;
@@ -88,7 +88,7 @@ pub fn gap_points(shape: &LinkShape, pose: &Pose<Spatial<f64>>, obstacle: &Obsta
     }
     let (centre, _) = shape.solid().bounding_sphere();
     let centre = pose.then(shape.origin()).point(centre);
-    let open = obstacle.triangles().is_some_and(|surface| !surface.triangles().is_closed());
+    let open = obstacle.triangles().is_some_and(|triangles| !triangles.is_closed());
     for corner in shape.corners() {
         let place = Pose { rotation: pose.rotation, translation: pose.point(corner.position) };
         let mut found = solid_gap(&Solid::Sphere { radius: corner.radius }, &place, obstacle);
@@ -109,7 +109,7 @@ pub(crate) fn solid_gap(solid: &Solid, pose: &Pose<Spatial<f64>>, obstacle: &Obs
         Surface::HalfSpace { point, normal } => above_plane(solid, pose, point, normal),
         Surface::Solid { solid: other, .. } => solids(solid, pose, other, obstacle.pose()),
         Surface::Mesh { .. } => match obstacle.triangles() {
-            Some(surface) => above_mesh(solid, pose, surface, obstacle.pose()),
+            Some(triangles) => above_mesh(solid, pose, triangles, obstacle.pose()),
             None => unreachable!("a mesh obstacle has triangles"),
         },
     }
@@ -189,7 +189,7 @@ fn in_axes_of(b: &Placed, work: impl FnOnce(&dyn Fn(Vector3<f64>) -> Vector3<f64
 const ROUNDING: f64 = 1e-14;
 
 /// The smallest gap to the triangles of a mesh.
-fn above_mesh(solid: &Solid, pose: &Pose<Spatial<f64>>, surface: &MeshSurface, place: &Pose<Spatial<f64>>) -> Gap {
+fn above_mesh(solid: &Solid, pose: &Pose<Spatial<f64>>, triangles: &Triangles, place: &Pose<Spatial<f64>>) -> Gap {
     let (core, skin) = solid.core();
     let body = placed(core, solid, &place.inverse().then(pose));
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
@@ -207,7 +207,7 @@ fn above_mesh(solid: &Solid, pose: &Pose<Spatial<f64>>, surface: &MeshSurface, p
         let distance = around.distance(part);
         if distance > 0.0 { distance } else { deepest }
     };
-    let least = surface.triangles().least(bound, |corners| {
+    let least = triangles.least(bound, |corners| {
         let nearest = above_triangle(&body, &corners);
         (nearest.distance - skin, (nearest, corners))
     });
@@ -218,7 +218,7 @@ fn above_mesh(solid: &Solid, pose: &Pose<Spatial<f64>>, surface: &MeshSurface, p
     let (centre, _) = solid.bounding_sphere();
     let centre = body.pose.point(centre);
     if nearest.distance > 0.0
-        && let Some((out, corners)) = surface.triangles().way_out(centre)
+        && let Some((out, corners)) = triangles.way_out(centre)
     {
         let normal = (out - centre).try_normalize(0.0).unwrap_or(nearest.normal);
         let inside = Nearest { distance: -(out - centre).norm(), normal, a: centre, b: out };

@@ -2,7 +2,7 @@
 //! contact point**.
 //!
 //! Order of use: the collision elements of a [`Chain`](carom_chain::Chain) → [`link_shapes`], which checks sizes and reads
-//! meshes → [`reachable_pairs`] with the [`Obstacle`]s, once → [`gap`] at every pose → [`contact_point`], whose Jacobian is
+//! meshes → [`out_of_reach`] of an [`Obstacle`] or not, once → [`gap`] at every pose → [`contact_point`], whose Jacobian is
 //! the contact Jacobian.
 //!
 //! **Design.** Contact events are zeros of gaps, so a gap and its normal must be accurate to rounding on both sides of
@@ -64,11 +64,16 @@ mod solid;
 pub use error::{ContactError, MeshFault};
 pub use gap::{Gap, contact_point, gap, gap_between, gap_points, gap_rate};
 pub use hull::Hull;
-pub use meeting::{Meeting, Met, Slide};
 pub use mesh::Mesh;
 pub use obstacle::{Obstacle, Surface};
-pub use parts::{Part, Parts};
-pub use reach::{LeftOut, Pair, Reachable, apart, reachable_pairs};
-pub use separation::Separation;
+pub use reach::{LeftOut, apart, out_of_reach};
 pub use shape::{LinkShape, found_shapes, link_shapes, shapes_of_link};
 pub use solid::{Corner, Solid};
+
+/// The contacts of parts of two bodies, for carom-sim.
+#[doc(hidden)]
+pub use {
+    meeting::{Meeting, Met, Placed, Slide},
+    parts::{Part, Parts},
+    separation::Separation,
+};

@@ -49,7 +49,8 @@ pub struct Meeting {
 /// A [`Meeting`] at one pose of both bodies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Met {
-    /// Gap, normal and contact points, as if faces and edges had no end.
+    /// Gap, normal and contact points, as if faces and edges had no end. An infinite gap: there is no such point (parallel edges,
+    /// a rim that lies on the face).
     pub gap: Gap,
     /// How far the contact point is inside the faces and edges, m; there is no contact where it is below −[`Met::OUTSIDE`].
     pub margin: f64,
@@ -101,8 +102,8 @@ const NEWTON: usize = 30;
 const CLOSE: f64 = 1e-15;
 /// A point of a rim further than this from the crossing that it begins at is another one, rad.
 const TURNED: f64 = 0.7;
-/// No contact.
-const NOWHERE: f64 = -1.0;
+/// The margin of parts that do not face each other.
+const NOWHERE: f64 = f64::NEG_INFINITY;
 
 /// A contact in the order of the table in the module's documentation.
 struct Local {
@@ -187,21 +188,17 @@ impl Meeting {
 
     /// Gap, normal and contact points at the poses of both bodies.
     pub fn at(&self, own: Placed, other: Placed) -> Met {
+        let (mine, others) = ((self.own, own), (self.other, other));
         let swapped = self.swapped();
-        let (local, gap) = if swapped {
-            let local = meet((self.other, other), (self.own, own), self.upper);
-            let beyond = local.point - local.normal * local.distance;
-            let gap =
-                Gap { distance: local.distance, normal: -local.normal, on_robot: beyond, on_environment: local.point };
-            (local, gap)
+        let (first, second) = if swapped { (others, mine) } else { (mine, others) };
+        let Local { distance, normal, point, margin } = meet(first, second, self.upper);
+        let beyond = if distance.is_finite() { point - normal * distance } else { point };
+        let gap = if swapped {
+            Gap { distance, normal: -normal, on_robot: beyond, on_environment: point }
         } else {
-            let local = meet((self.own, own), (self.other, other), self.upper);
-            let beyond = local.point - local.normal * local.distance;
-            let gap =
-                Gap { distance: local.distance, normal: local.normal, on_robot: local.point, on_environment: beyond };
-            (local, gap)
+            Gap { distance, normal, on_robot: point, on_environment: beyond }
         };
-        Met { gap, margin: local.margin }
+        Met { gap, margin }
     }
 
     /// The gap of a corner and a half-space, for many corners of one body: `down` is the normal of the half-space in the axes of
@@ -280,7 +277,7 @@ fn is_inside(edge: &EdgePart, n: Vector3<f64>) -> bool {
 }
 
 fn meet((first, (a, pose)): (Part, Placed), (second, (b, place)): (Part, Placed), upper: bool) -> Local {
-    let nowhere = Local { distance: 1.0, normal: Vector3::z(), point: Vector3::zeros(), margin: NOWHERE };
+    let nowhere = Local { distance: f64::INFINITY, normal: Vector3::z(), point: Vector3::zeros(), margin: NOWHERE };
     match (first, second) {
         (Part::Corner(i), Part::Face(j)) => {
             let (corner, face) = (&a.corners[i], &b.faces[j]);

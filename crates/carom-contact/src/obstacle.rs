@@ -3,10 +3,11 @@
 use crate::error::{ContactError, MeshFault};
 use crate::mesh::Mesh;
 use crate::parry::Triangles;
-use crate::shape::{pose_of, positive};
+use crate::shape::{pose_of, solid};
 use crate::solid::Solid;
 use carom_chain::Spatial;
 use carom_chain::algebra::Pose;
+use carom_chain::urdf::Shape;
 use nalgebra::{Isometry3, Vector3};
 use std::path::Path;
 
@@ -15,7 +16,8 @@ use std::path::Path;
 pub struct Obstacle {
     surface: Surface,
     pose: Pose<Spatial<f64>>,
-    triangles: Option<MeshSurface>,
+    /// Those of a mesh, prepared for distance queries.
+    triangles: Option<Triangles>,
 }
 
 /// The geometry of an [`Obstacle`]. World axes, m.
@@ -44,16 +46,6 @@ pub enum Surface {
     },
 }
 
-/// A mesh prepared for distance queries.
-#[derive(Debug, Clone)]
-pub(crate) struct MeshSurface(Triangles);
-
-impl MeshSurface {
-    pub fn triangles(&self) -> &Triangles {
-        &self.0
-    }
-}
-
 const OWNER: &str = "obstacle";
 
 impl Obstacle {
@@ -76,10 +68,7 @@ impl Obstacle {
     /// [`ContactError::Size`] for a side that is not positive and finite; [`ContactError::Vector`] for a pose that is not
     /// finite.
     pub fn cuboid(pose: Isometry3<f64>, size: Vector3<f64>) -> Result<Self, ContactError> {
-        for (what, value) in ["size x", "size y", "size z"].into_iter().zip(size.iter()) {
-            positive(OWNER, what, *value)?;
-        }
-        Self::solid(pose, Solid::Box { half: size / 2.0 })
+        Self::solid(pose, &Shape::Box { size })
     }
 
     /// A sphere. `centre` in world axes; both in m.
@@ -88,11 +77,7 @@ impl Obstacle {
     /// [`ContactError::Size`] for a radius that is not positive and finite; [`ContactError::Vector`] for a centre that is
     /// not finite.
     pub fn sphere(centre: Vector3<f64>, radius: f64) -> Result<Self, ContactError> {
-        positive(OWNER, "radius", radius)?;
-        Self::solid(
-            Isometry3::from_parts(centre.into(), nalgebra::UnitQuaternion::identity()),
-            Solid::Sphere { radius },
-        )
+        Self::solid(Isometry3::translation(centre.x, centre.y, centre.z), &Shape::Sphere { radius })
     }
 
     /// A cylinder of full `length` along the z-axis of `pose`, centred there; m.
@@ -101,9 +86,7 @@ impl Obstacle {
     /// [`ContactError::Size`] for a radius or length that is not positive and finite; [`ContactError::Vector`] for a pose
     /// that is not finite.
     pub fn cylinder(pose: Isometry3<f64>, radius: f64, length: f64) -> Result<Self, ContactError> {
-        positive(OWNER, "radius", radius)?;
-        positive(OWNER, "length", length)?;
-        Self::solid(pose, Solid::Cylinder { radius, half_length: length / 2.0 })
+        Self::solid(pose, &Shape::Cylinder { radius, length })
     }
 
     /// A capsule at `pose`: all points within `radius` of a segment of `length` along its z-axis, centred there; m. Its
@@ -112,9 +95,7 @@ impl Obstacle {
     /// # Errors
     /// As [`Obstacle::cylinder`].
     pub fn capsule(pose: Isometry3<f64>, radius: f64, length: f64) -> Result<Self, ContactError> {
-        positive(OWNER, "radius", radius)?;
-        positive(OWNER, "length", length)?;
-        Self::solid(pose, Solid::Capsule { radius, half_length: length / 2.0 })
+        Self::solid(pose, &Shape::Capsule { radius, length })
     }
 
     /// A mesh at `pose`, read from an STL, DAE or OBJ file. `scale`: see [`Mesh::read`].
@@ -141,10 +122,11 @@ impl Obstacle {
             file: "<triangles>".into(),
             fault: MeshFault::NoTriangles(mesh.triangles().len()),
         })?;
-        Ok(Self { surface: Surface::Mesh { pose, mesh }, pose: place, triangles: Some(MeshSurface(triangles)) })
+        Ok(Self { surface: Surface::Mesh { pose, mesh }, pose: place, triangles: Some(triangles) })
     }
 
-    fn solid(pose: Isometry3<f64>, solid: Solid) -> Result<Self, ContactError> {
+    fn solid(pose: Isometry3<f64>, shape: &Shape) -> Result<Self, ContactError> {
+        let solid = solid(OWNER, shape)?;
         Ok(Self { pose: finite_pose(&pose)?, surface: Surface::Solid { pose, solid }, triangles: None })
     }
 
@@ -157,7 +139,7 @@ impl Obstacle {
         &self.pose
     }
 
-    pub(crate) fn triangles(&self) -> Option<&MeshSurface> {
+    pub(crate) fn triangles(&self) -> Option<&Triangles> {
         self.triangles.as_ref()
     }
 }

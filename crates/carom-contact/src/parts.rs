@@ -6,15 +6,13 @@
 use crate::hull::Hull;
 use crate::obstacle::{Obstacle, Surface};
 use crate::shape::LinkShape;
-use crate::solid::Solid;
+use crate::solid::{RIM, Solid};
 use carom_chain::Spatial;
 use carom_chain::algebra::Pose;
 use nalgebra::Vector3;
 
 /// Polyhedra with more edges than this are not divided: their pairs with other bodies than half-spaces have too many parts.
 const MANY_EDGES: usize = 64;
-/// Number of fixed points that stand for a rim whose cap lies on a face.
-const RIM: usize = 8;
 /// Triangles of a hull whose unit normals differ by at most this are one face: the rounding of files in single precision.
 const COPLANAR: f64 = 1e-6;
 

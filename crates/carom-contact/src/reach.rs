@@ -1,4 +1,4 @@
-//! Selection of the pairs of shapes and obstacles that can touch at some configuration.
+//! The pairs of shapes and obstacles that cannot touch at any configuration.
 //!
 //! | symbol | meaning |
 //! | --- | --- |
@@ -12,23 +12,14 @@
 //! positions within their limits. With a slider without limits, a planar joint or a floating base, R is infinite. If
 //! sliders stay within their limits, no pair that can touch is left out.
 
+use crate::gap::solid_gap;
 use crate::obstacle::{Obstacle, Surface};
 use crate::shape::LinkShape;
 use crate::solid::Solid;
-use crate::{gap::solid_gap, shape::pose_of};
 use carom_chain::algebra::{Pose, SpatialJoint};
 use carom_chain::{Chain, Spatial};
 use nalgebra::Vector3;
 use std::fmt;
-
-/// A pair of a shape and an obstacle, by their indices in the lists given to [`reachable_pairs`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Pair {
-    /// Index of the shape.
-    pub shape: usize,
-    /// Index of the obstacle.
-    pub obstacle: usize,
-}
 
 /// The reason why a pair cannot touch.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,29 +67,9 @@ impl fmt::Display for LeftOut {
     }
 }
 
-/// The result of [`reachable_pairs`].
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Reachable {
-    /// The pairs that may touch, by shape, then by obstacle.
-    pub pairs: Vec<Pair>,
-    /// The pairs that cannot touch, each with the reason.
-    pub left_out: Vec<(Pair, LeftOut)>,
-}
-
-/// Divides all pairs of a shape and an obstacle into those that may touch at some q and those that cannot.
-pub fn reachable_pairs(chain: &Chain, shapes: &[LinkShape], obstacles: &[Obstacle]) -> Reachable {
-    let mut found = Reachable::default();
-    for (i, shape) in shapes.iter().enumerate() {
-        let region = Region::of(chain, shape);
-        for (k, obstacle) in obstacles.iter().enumerate() {
-            let pair = Pair { shape: i, obstacle: k };
-            match region.as_ref().map_or(Some(LeftOut::Fixed), |region| region.misses(obstacle)) {
-                Some(reason) => found.left_out.push((pair, reason)),
-                None => found.pairs.push(pair),
-            }
-        }
-    }
-    found
+/// Why a shape cannot touch an obstacle at any q; `None` if it may.
+pub fn out_of_reach(chain: &Chain, shape: &LinkShape, obstacle: &Obstacle) -> Option<LeftOut> {
+    Region::of(chain, shape).map_or(Some(LeftOut::Fixed), |region| region.misses(obstacle))
 }
 
 /// Why the shapes of two links cannot touch at any q; `None` if they may.
@@ -201,7 +172,7 @@ impl Region {
                 axial + centre - slide(self.reach, across) - normal.dot(point)
             }
             other => {
-                let (low, high) = extent(other, slab.axis);
+                let (low, high) = extent(other, obstacle.pose(), slab.axis);
                 (low - slab.high).max(slab.low - high)
             }
         };
@@ -231,16 +202,14 @@ fn slide(stroke: f64, along: f64) -> f64 {
 }
 
 /// The lowest and the highest coordinate of an obstacle along a unit vector.
-fn extent(surface: &Surface, axis: Vector3<f64>) -> (f64, f64) {
+fn extent(surface: &Surface, pose: &Pose<Spatial<f64>>, axis: Vector3<f64>) -> (f64, f64) {
     match surface {
         Surface::HalfSpace { .. } => (f64::NEG_INFINITY, f64::INFINITY),
-        Surface::Solid { pose, solid } => {
-            let pose = pose_of(pose);
+        Surface::Solid { solid, .. } => {
             let (own, height) = (pose.rotation.tr_mul(&axis), axis.dot(&pose.translation));
             (height + solid.lowest(own).0, height - solid.lowest(-own).0)
         }
-        Surface::Mesh { pose, mesh } => {
-            let pose = pose_of(pose);
+        Surface::Mesh { mesh, .. } => {
             let heights = mesh.vertices().iter().map(|v| axis.dot(&pose.point(*v)));
             heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| (low.min(h), high.max(h)))
         }

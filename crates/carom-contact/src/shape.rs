@@ -102,7 +102,7 @@ impl LinkShape {
     }
 }
 
-fn solid(owner: &str, shape: &Shape) -> Result<Solid, ContactError> {
+pub(crate) fn solid(owner: &str, shape: &Shape) -> Result<Solid, ContactError> {
     let sized = |what, value: f64| positive(owner, what, value).map(|()| value);
     Ok(match shape {
         Shape::Sphere { radius } => Solid::Sphere { radius: sized("radius", *radius)? },
@@ -126,7 +126,7 @@ fn solid(owner: &str, shape: &Shape) -> Result<Solid, ContactError> {
     })
 }
 
-pub(crate) fn positive(owner: &str, what: &'static str, value: f64) -> Result<(), ContactError> {
+fn positive(owner: &str, what: &'static str, value: f64) -> Result<(), ContactError> {
     let good = value > 0.0 && value.is_finite();
     if good { Ok(()) } else { Err(ContactError::Size { owner: owner.into(), what, value }) }
 }

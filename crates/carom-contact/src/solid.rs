@@ -54,7 +54,7 @@ pub struct Corner {
 }
 
 /// Number of points that represent each rim of a cylinder in [`Solid::corners`].
-const RIM: usize = 8;
+pub(crate) const RIM: usize = 8;
 
 impl Solid {
     /// The height m · x of the body's lowest point along the unit direction `m`, m, and that point, in body axes. Of several

@@ -3,7 +3,7 @@
 use crate::common::robot;
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, uniform_chain};
-use carom_contact::{ContactError, LeftOut, Obstacle, Pair, gap, gap_rate, link_shapes, reachable_pairs};
+use carom_contact::{ContactError, LeftOut, Obstacle, gap, gap_rate, link_shapes, out_of_reach};
 use nalgebra::{Isometry3, Vector3};
 
 fn surroundings() -> [Obstacle; 3] {
@@ -56,8 +56,7 @@ fn reachable_pairs_include_all_touching_pairs_and_exclude_a_far_wall() {
         Obstacle::half_space(Vector3::new(0.6, 0.0, 0.0), -Vector3::x()).unwrap(),
         Obstacle::half_space(Vector3::new(2.0, 0.0, 0.0), -Vector3::x()).unwrap(),
     ];
-    let reach = reachable_pairs(&chain, &shapes, &walls);
-    let in_reach = |s: usize, o: usize| reach.pairs.iter().any(|p| (p.shape, p.obstacle) == (s, o));
+    let in_reach = |s: usize, o: usize| out_of_reach(&chain, &shapes[s], &walls[o]).is_none();
     let mut rng = fastrand::Rng::with_seed(5);
     let mut ws = chain.workspace();
     let mut touched = 0;
@@ -102,14 +101,8 @@ fn turning_arm(base: Vector3<f64>, slider: Option<&str>) -> Chain {
 
 /// The reason why the only shape of a chain cannot touch each obstacle; `None` if it can.
 fn reasons(chain: &Chain, obstacles: &[Obstacle]) -> Vec<Option<LeftOut>> {
-    let reach = reachable_pairs(chain, &link_shapes(chain).unwrap(), obstacles);
-    let reason = |obstacle| {
-        let pair = Pair { shape: 0, obstacle };
-        let left_out = reach.left_out.iter().find(|(p, _)| *p == pair).map(|(_, reason)| *reason);
-        assert_ne!(left_out.is_some(), reach.pairs.contains(&pair));
-        left_out
-    };
-    (0..obstacles.len()).map(reason).collect()
+    let shape = &link_shapes(chain).unwrap()[0];
+    obstacles.iter().map(|obstacle| out_of_reach(chain, shape, obstacle)).collect()
 }
 
 fn room(reason: Option<LeftOut>) -> Option<f64> {

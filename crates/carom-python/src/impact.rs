@@ -122,7 +122,7 @@ impl Impact {
         } else {
             (strike.clone().resolve(law)?, None)
         };
-        let band = band.map(|ranges| strike.clone().band(law, &ranges)).transpose()?;
+        let band = band.map(|ranges| strike.clone().contact()?.band(law, &ranges)).transpose()?;
         let saltation = saltation.map(|gravity| strike.saltation(law, gravity)).transpose()?;
         Ok(Self { hit, more: Some(Box::new(More { derivatives, band, saltation })) })
     }

@@ -273,6 +273,12 @@ pub enum SimError {
     Shape(#[from] carom_contact::ContactError),
 }
 
+/// # Errors
+/// [`SimError::Setting`] unless the number is `fine`.
+pub(crate) fn require(fine: bool, what: &'static str, value: f64, rule: &'static str) -> Result<(), SimError> {
+    if fine { Ok(()) } else { Err(SimError::Setting { what, value, rule }) }
+}
+
 /// Rounds to four significant digits; the others are rounding errors of the pose.
 fn four_digits(x: f64) -> f64 {
     format!("{x:.3e}").parse().unwrap_or(x)

@@ -43,13 +43,13 @@ pub use contact::{
 };
 pub use error::SimError;
 pub use impact::{
-    ChainImpact, Contact, ContactRows, FrictionlessJump, Grip, ImpactBand, ImpactDerivative, Impacts, JointModel, Jump,
-    Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, RowRates, Saltation, SeveralImpact, States, Strike,
-    StruckPoint, frictionless_jump_into, saltation,
+    ChainImpact, Contact, ContactRows, FrictionlessJump, Grip, ImpactBand, ImpactDerivative, Impacts, JointModel,
+    Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, Saltation, SeveralImpact, States, Strike, StruckPoint,
+    frictionless_jump_into, saltation,
 };
 pub use model::{
-    Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint, Observed, Parameter,
-    Reference, RobotDrive, Simulation, Spring, Tracking, Transition, UserController, Wrench, WrenchAxes,
+    Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint, Observed, Parameter, Pd,
+    Reference, RobotDrive, Simulation, Spring, TorqueTable, Tracking, Transition, Wrench, WrenchAxes,
 };
 pub use motion::{ContactState, NonUnique, free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};

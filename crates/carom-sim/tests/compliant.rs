@@ -284,7 +284,8 @@ fn walton_braun_contacts_remember_every_deeper_turn() {
     let compliance = Some(Compliance { normal: Yielding::WaltonBraun, ..Compliance::new(stiffness) });
     let rule = ContactRule { compliance, ..ContactRule::new(Energetic { restitution, friction: 0.0 }) };
     let times = vec![0.0, duration];
-    let drive = Drive::Table { times, forces: vec![vec![-9.81], vec![-9.81 - grows * duration]] };
+    let drive =
+        Drive::Table(carom_sim::TorqueTable { times, forces: vec![vec![-9.81], vec![-9.81 - grows * duration]] });
     let ball = along(&[Z], 1.0, [1.0; 3], &ball(0.1));
     let sim = Simulation { tolerance: 1e-10, gravity: Vector3::zeros(), drive, ..on_floor(ball, rule) };
     let run = sim.run(&[0.1], &[-speed], duration).unwrap();

@@ -413,7 +413,8 @@ fn bands_of_joint_velocities_contain_a_scan_of_the_coefficients() {
     for (qd, exact) in [([-0.15, 0.6], false), ([-1.0, 0.6], true)] {
         let q = [0.78, -1.57];
         let strike = chain.impact(&q, &qd).at(tip).normal([-1.0, 0.0, 0.0]);
-        let band = strike.clone().band(&Energetic { restitution: 0.35, friction: 0.2 }, &ranges).unwrap();
+        let band =
+            strike.clone().contact().unwrap().band(&Energetic { restitution: 0.35, friction: 0.2 }, &ranges).unwrap();
         let mode = strike.clone().resolve(&Energetic { restitution: 0.35, friction: 0.2 }).unwrap().mode;
         assert_eq!(band.exact, exact, "{mode}");
         let mut widest = [[f64::INFINITY, f64::NEG_INFINITY]; 2];

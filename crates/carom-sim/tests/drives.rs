@@ -2,8 +2,8 @@
 
 use carom_chain::Chain;
 use carom_sim::{
-    Controller, Drive, Gains, Integrator, Load, Observed, Profile, Reference, SimError, Simulation, Spring, Tracking,
-    Wrench, WrenchAxes,
+    Controller, Drive, Gains, Integrator, Load, Observed, Pd, Profile, Reference, SimError, Simulation, Spring,
+    Tracking, Wrench, WrenchAxes,
 };
 use carom_testing::build::{Part, X, Z, chain, floating_urdf, free, rooted};
 use carom_testing::files::robot;
@@ -39,7 +39,7 @@ fn pd_on_a_floating_robot_drives_its_joints_and_not_its_base() {
     let mut sim = exact(chain);
     sim.gravity = DOWN;
     let target = [LEVEL[..7].to_vec(), vec![0.0, 0.02]].concat();
-    sim.drive = Drive::Pd { kp: vec![0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, kp].into(), kd: kd.into(), target };
+    sim.drive = Drive::Pd(Pd { kp: vec![0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, kp].into(), kd: kd.into(), target });
     let end = 0.7;
     let run = sim.run(&LEVEL, &[0.0; 8], end).unwrap();
     // m̂ ẍ + d ẋ + k (x − r) = 0
@@ -76,7 +76,7 @@ fn gravity_compensation_does_not_hold_a_floating_base() {
 #[test]
 fn effort_limits_bound_the_forces_of_motors_only() {
     let mut sim = exact(slider(4.0));
-    sim.drive = Drive::Pd { kp: 1e4.into(), kd: 0.0.into(), target: vec![1.0] };
+    sim.drive = Drive::Pd(Pd { kp: 1e4.into(), kd: 0.0.into(), target: vec![1.0] });
     sim.effort_limits = true;
     let end = 0.4;
     // 2 N from the motor, and 3 N from outside, which no limit concerns.
@@ -211,7 +211,7 @@ fn a_users_pd_controller_is_pd() {
     let mut sim = exact(slider(1.0));
     sim.drive = Drive::user(Pd(30.0, 2.0));
     let own = sim.run(&[0.0], &[1.0], 1.0).unwrap().summary;
-    sim.drive = Drive::Pd { kp: 30.0.into(), kd: 2.0.into(), target: vec![0.2] };
+    sim.drive = Drive::Pd(carom_sim::Pd { kp: 30.0.into(), kd: 2.0.into(), target: vec![0.2] });
     let built_in = sim.run(&[0.0], &[1.0], 1.0).unwrap().summary;
     assert_eq!(own.last, built_in.last);
     sim.drive = Drive::user(Pd(f64::INFINITY, 0.0));

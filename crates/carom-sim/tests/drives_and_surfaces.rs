@@ -45,7 +45,10 @@ fn dry_friction_stops_a_slider_at_the_closed_form_time_and_place() {
 #[test]
 fn a_joint_begins_to_slip_when_the_torque_exceeds_its_dry_friction() {
     let mut sim = free(slider(r#"<dynamics friction="3"/>"#));
-    sim.drive = Drive::Table { times: vec![0.0, 2.0, 3.0], forces: vec![vec![0.0], vec![6.0], vec![6.0]] };
+    sim.drive = Drive::Table(carom_sim::TorqueTable {
+        times: vec![0.0, 2.0, 3.0],
+        forces: vec![vec![0.0], vec![6.0], vec![6.0]],
+    });
     let run = sim.run(&[0.0], &[0.0], 3.0).unwrap();
     let loose = &run.events[0];
     assert!(
@@ -218,7 +221,7 @@ fn impact_invariant_feedback_is_continuous_at_an_impact() {
         target: vec![PI / 4.0, -PI / 2.0],
         velocity: vec![0.0, 0.0],
     };
-    let pd = Drive::Pd { kp: 0.0.into(), kd: 0.3.into(), target: controller.target.clone() };
+    let pd = Drive::Pd(carom_sim::Pd { kp: 0.0.into(), kd: 0.3.into(), target: controller.target.clone() });
     // The jump of the joint forces, Δτ = (M q̈ + bias)⁺ − (M q̈ + bias)⁻, with q̈ from differences of the dense output.
     let jump = |drive: Drive| {
         let (sim, q, qd) = wall_arm(drive, None, 0.35);
@@ -291,7 +294,10 @@ fn a_joint_with_dry_friction_leaves_its_limit_where_no_admissible_force_holds_it
         sim.touches = Touch::all(&sim.chain, &[floor], 0.0).unwrap().touches;
         // At its upper limit the joint is pushed up, on the floor it is pressed down.
         let (q, sign) = if at_limit { (1000.0, 1.0) } else { (0.0, -1.0) };
-        sim.drive = Drive::Table { times: vec![0.0, 1.0], forces: vec![vec![6.0 * sign], vec![-6.0 * sign]] };
+        sim.drive = Drive::Table(carom_sim::TorqueTable {
+            times: vec![0.0, 1.0],
+            forces: vec![vec![6.0 * sign], vec![-6.0 * sign]],
+        });
         let run = sim.run(&[q], &[0.0], 1.0).unwrap();
         let leaves = run.events.iter().find(|event| event.kind.name() == "lift-off").expect("it leaves");
         // It leaves where its acceleration, 6 (t − ¾), is above 1e-8 of that without constraint, 1.5 m/s².

@@ -139,7 +139,7 @@ fn time_steps_are_implicit_in_the_controller() {
     let chain = chain(&[Part::slider("mass", "base", X).weighing(2.0, [1.0; 3])]);
     let (mass, target, h) = (2.0, 0.3, 2.0_f64.powi(-7));
     for (kp, kd) in [(0.0, 0.0), (50.0, 0.0), (50.0, 4.0), (1e7, 3.0)] {
-        let drive = Drive::Pd { kp: kp.into(), kd: kd.into(), target: vec![target] };
+        let drive = Drive::Pd(carom_sim::Pd { kp: kp.into(), kd: kd.into(), target: vec![target] });
         let sim = Simulation { drive, stepping: true, contact_step: h, ..Simulation::new(chain.clone(), Vec::new()) };
         let (mut x, mut v) = (0.1_f64, 1.5_f64);
         for steps in 1..=8 {

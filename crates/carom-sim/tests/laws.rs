@@ -122,7 +122,7 @@ fn a_users_law_that_leaves_the_contact_approaching_is_refused() {
             let strike = arm.impact(&q, &qd).at(arm.frame("tip").unwrap()).normal(normal);
             assert!(leaves(&strike.clone().resolve(&law()).unwrap_err()));
             assert!(leaves(&strike.clone().contact().unwrap().resolve(&law()).unwrap_err()));
-            assert!(leaves(&strike.clone().branches(&law()).unwrap_err()));
+            assert!(leaves(&strike.clone().contact().unwrap().branches(&law()).unwrap_err()));
             let columns = [[0.3; 5], [0.7; 5], [-0.5; 5], [-1.0; 5]];
             let states = States { q: &[&columns[0], &columns[1]], qd: &[&columns[2], &columns[3]] };
             let mut refused = 0;

@@ -270,7 +270,7 @@ fn springs_and_controllers_of_a_parallelogram_make_an_oscillator() {
     let springs = vec![spring("j_left", 0.3, rest), spring("j_coupler", 0.5, -rest), spring("j_right", 0.2, rest)];
     let with_springs = Simulation { springs, ..free.clone() };
     let gains = |g: f64| vec![0.3 * g, 0.5 * g, 0.2 * g].into();
-    let pd = Drive::Pd { kp: gains(k), kd: gains(d), target: vec![rest, -rest, rest] };
+    let pd = Drive::Pd(carom_sim::Pd { kp: gains(k), kd: gains(d), target: vec![rest, -rest, rest] });
     let with_motors = Simulation { drive: pd, ..free };
     let (decay, start, time) = (d / (2.0 * INERTIA), 0.9, 1.5);
     let w = (k / INERTIA - decay * decay).sqrt();

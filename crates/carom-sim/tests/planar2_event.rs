@@ -192,7 +192,7 @@ fn energy_balance_closes_to_the_integration_error() {
     sim.gravity = Vector3::new(0.0, -G, 0.0);
     for tolerance in [1e-7, 1e-9, 1e-11] {
         sim.tolerance = tolerance;
-        sim.drive = Drive::Pd { kp: 60.0.into(), kd: 1.0.into(), target: vec![0.4, -0.6] };
+        sim.drive = Drive::Pd(carom_sim::Pd { kp: 60.0.into(), kd: 1.0.into(), target: vec![0.4, -0.6] });
         let run = sim.run(&[0.9, -1.7], &[0.0, 0.0], 5.0).unwrap();
         let balance = run.summary.energy;
         assert!(run.events.iter().any(|event| event.kind.name() == "zeno") && run.events.len() > 20);

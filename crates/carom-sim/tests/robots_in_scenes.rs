@@ -30,7 +30,7 @@ fn a_quadruped_under_pd_lands_on_its_feet_and_stands() {
     assert!((0.24..0.326).contains(&last.q[2]), "{}", last.q[2]);
     assert!(last.q[3..6].iter().all(|x| x.abs() < 0.05), "upright: {:?}", &last.q[3..7]);
     assert!(sim.smallest_gap(&last.q).unwrap() > -1e-8);
-    let Drive::Pd { kp, target, .. } = &sim.drive else { panic!("{:?}", sim.drive) };
+    let Drive::Pd(carom_sim::Pd { kp, target, .. }) = &sim.drive else { panic!("{:?}", sim.drive) };
     let carom_sim::Gains::Same(kp) = kp else { panic!("{kp:?}") };
     let mut workspace = sim.chain.workspace();
     let mut kin = workspace.update(&sim.chain, &last.q).unwrap();

@@ -269,7 +269,7 @@ fn the_commonest_wrong_inputs_are_told_with_their_remedy() {
     );
     let still = read(&format!("{ARM}[run]\nduration = 1\ncontroller = \"pd\"\n{gains}target = {{}}\n")).unwrap();
     assert!(
-        matches!(&still.simulation.drive, Drive::Pd { target, .. } if *target == still.q),
+        matches!(&still.simulation.drive, Drive::Pd(carom_sim::Pd { target, .. }) if *target == still.q),
         "{:?}",
         still.simulation.drive
     );

@@ -24,7 +24,7 @@ fn a_jamming_rod_has_an_impact_without_collision_beside_its_sliding() {
     let (q, qd) = ([0.2, 0.5, -60_f64.to_radians()], [-1.0, 0.0, 0.0]);
     let strike = || chain.impact(&q, &qd).at(chain.frame("end").unwrap()).normal([0.0, 0.0, 1.0]);
     let law = Poisson { restitution: 0.0, friction: 1.5 };
-    let all = strike().branches(&law).unwrap();
+    let all = strike().contact().unwrap().branches(&law).unwrap();
     assert_eq!(all.len(), 2);
     let first = strike().resolve(&law).unwrap();
     assert_eq!((&all[0].qd_plus, all[0].impulse, all[0].mode), (&first.qd_plus, first.impulse, first.mode));

@@ -155,8 +155,8 @@ impl Touch {
                 }
                 None => place(pair, view, pair.nearest(view, shift)),
             },
-            TouchKind::Limit { q: at, bound, upper, .. } => {
-                let gap = if *upper { bound - q[*at] } else { q[*at] - bound };
+            TouchKind::Limit { q: at, bound, sign, .. } => {
+                let gap = if *sign < 0.0 { bound - q[*at] } else { q[*at] - bound };
                 At { gap, margin: f64::INFINITY, surface: None }
             }
         }
@@ -170,7 +170,7 @@ impl Touch {
         Some(BallOnPlane { centre, normal: A::project(model, *normal), height, radius: *radius })
     }
 
-    /// g and ġ; a gap of [`APART`] where the parts do not face each other.
+    /// g and ġ; [`APART`] where the parts do not face each other.
     pub(crate) fn look<A: Space>(
         &self,
         ball: Option<&BallOnPlane<A>>,
@@ -189,7 +189,7 @@ impl Touch {
             _ => {
                 let at = self.at(view, q, time);
                 if !at.counts() {
-                    return Ok((APART, 0.0));
+                    return Ok(APART);
                 }
                 Ok((at.gap, self.rate(&at, view, qd, time)?))
             }
@@ -213,7 +213,7 @@ impl Touch {
     /// ġ.
     pub(crate) fn rate<A: Space>(&self, at: &At<A>, view: &View<A>, qd: &[f64], time: f64) -> Result<f64, SimError> {
         match (&self.kind, at.surface) {
-            (TouchKind::Limit { v, upper, .. }, _) => Ok(if *upper { -qd[*v] } else { qd[*v] }),
+            (TouchKind::Limit { v, sign, .. }, _) => Ok(sign * qd[*v]),
             (_, Some(place)) => Ok(place.normal.dot(&self.u(&place, view, qd, time)?)),
             (_, None) => Ok(0.0),
         }
@@ -248,7 +248,7 @@ impl Touch {
     /// Adds the row j to `row`.
     pub(crate) fn row_into<A: Space>(&self, at: &At<A>, view: &View<A>, row: &mut [f64]) -> Result<(), SimError> {
         match (&self.kind, at.surface) {
-            (TouchKind::Limit { v, upper, .. }, _) => row[*v] += if *upper { -1.0 } else { 1.0 },
+            (TouchKind::Limit { v, sign, .. }, _) => row[*v] += sign,
             (_, Some(place)) => place.row_into(view, place.normal, row)?,
             (_, None) => {}
         }

@@ -66,11 +66,12 @@ pub(crate) enum Against {
     Link(Box<LinkShape>),
 }
 
-/// The gap of parts that do not face each other, m.
-pub(crate) const APART: f64 = 1.0;
+/// The gap of parts that do not face each other, and its rate.
+pub(crate) const APART: (f64, f64) = (f64::INFINITY, 0.0);
 /// Pairs with more contacts of parts than this are not divided.
 const MANY: usize = 2000;
-/// A gap that exceeds its lower bound by less is equal to it, m.
+/// A gap that exceeds its lower bound by less than this share of the size of the first body and its distance from the origin is
+/// equal to it.
 const EQUAL: f64 = 1e-12;
 /// Velocities within a step as a multiple of those at its ends.
 const BEYOND: f64 = 1.5;
@@ -176,12 +177,17 @@ impl Pair {
         Ok(Placed { poses, own: twist(self.shape.frame())?, other, plane })
     }
 
+    /// The parts of both bodies with their poses; `None` if it is not divided.
+    fn bodies<'a>(&'a self, placed: &'a Placed) -> Option<[carom_contact::Placed<'a>; 2]> {
+        let ((one, two), [own, other]) = (self.parts.as_ref()?, &placed.poses);
+        Some([(one, own), (two, other)])
+    }
+
     /// Gap and gap rate of a contact of parts, as [`Touch::look`](super::Touch).
     pub fn look(&self, meeting: Meeting, placed: &Placed) -> (f64, f64) {
-        let Some((one, two)) = &self.parts else { return (APART, 0.0) };
-        let Placed { poses: [own, other], .. } = placed;
-        let met = meeting.at((one, own), (two, other));
-        if met.counts() { (met.gap.distance, met.gap.normal.dot(&placed.slip(&met.gap))) } else { (APART, 0.0) }
+        let Some([own, other]) = self.bodies(placed) else { return APART };
+        let met = meeting.at(own, other);
+        if met.counts() { (met.gap.distance, met.gap.normal.dot(&placed.slip(&met.gap))) } else { APART }
     }
 
     /// The gap of a corner over a half-space without its rate; `None` for other parts.
@@ -192,9 +198,8 @@ impl Pair {
 
     /// A lower bound of the gap with its rate: see [`Separation`]. `None` if the pair is not divided or has no face.
     pub fn separation(&self, placed: &Placed) -> Option<(f64, f64)> {
-        let (one, two) = self.parts.as_ref()?;
-        let [own, other] = &placed.poses;
-        let Separation { gap, is_own } = Separation::of((one, own), (two, other))?;
+        let [own, other] = self.bodies(placed)?;
+        let Separation { gap, is_own } = Separation::of(own, other)?;
         let turning = if is_own { placed.own[1] } else { placed.other[1] };
         let turned = turning.cross(&gap.normal).dot(&(gap.on_robot - gap.on_environment));
         Some((gap.distance, gap.normal.dot(&placed.slip(&gap)) + turned))
@@ -202,29 +207,25 @@ impl Pair {
 
     /// Whether the gap of a contact of parts is that of the bodies: the separation along its normal is as large.
     pub fn is_nearest(&self, meeting: Meeting, placed: &Placed) -> bool {
-        let Some((one, two)) = &self.parts else { return false };
-        let [own, other] = &placed.poses;
-        let met = meeting.at((one, own), (two, other));
+        let Some([own, other]) = self.bodies(placed) else { return false };
+        let met = meeting.at(own, other);
         // A contact beyond the ends of its faces and edges is none, whatever its gap.
-        met.counts() && met.gap.distance - Separation::along(met.gap.normal, (one, own), (two, other)) <= EQUAL
+        met.counts()
+            && met.gap.distance - Separation::along(met.gap.normal, own, other)
+                <= EQUAL * (self.size() + placed.poses[0].translation.norm())
     }
 
     /// The separation of the bodies along the normal of a contact of parts, m.
     pub fn along(&self, meeting: Meeting, placed: &Placed) -> Option<f64> {
-        let (one, two) = self.parts.as_ref()?;
-        let [own, other] = &placed.poses;
-        let met = meeting.at((one, own), (two, other));
-        Some(Separation::along(met.gap.normal, (one, own), (two, other)))
+        let [own, other] = self.bodies(placed)?;
+        Some(Separation::along(meeting.at(own, other).gap.normal, own, other))
     }
 
     /// How the bodies move past each other.
     pub fn passing(&self, placed: &Placed) -> Passing {
         let (centre, size) = self.shape.solid().bounding_sphere();
         let centre = placed.poses[0].point(self.shape.origin().point(centre));
-        let at = |[v, w]: [Vector3<f64>; 2], pose: &Pose<Spatial<f64>>| v + w.cross(&(centre - pose.translation));
-        let [own, other] = &placed.poses;
-        let velocity = at(placed.own, own) - at(placed.other, other);
-        Passing { velocity, turning: placed.own[1] - placed.other[1], size }
+        Passing { velocity: placed.relative(centre, centre), turning: placed.own[1] - placed.other[1], size }
     }
 
     /// Radius of a sphere about the first body, m.
@@ -334,11 +335,15 @@ impl Pair {
 impl Placed {
     /// Velocity of the first body relative to the second at their points of a gap.
     fn slip(&self, gap: &Gap) -> Vector3<f64> {
-        let velocity = |[v, w]: [Vector3<f64>; 2], pose: &Pose<Spatial<f64>>, p: Vector3<f64>| {
+        self.relative(gap.on_robot, gap.on_environment)
+    }
+
+    /// Velocity of a place of the first body relative to one of the second.
+    fn relative(&self, own: Vector3<f64>, other: Vector3<f64>) -> Vector3<f64> {
+        let at = |[v, w]: [Vector3<f64>; 2], pose: &Pose<Spatial<f64>>, p: Vector3<f64>| {
             v + w.cross(&(p - pose.translation))
         };
-        let [own, other] = &self.poses;
-        velocity(self.own, own, gap.on_robot) - velocity(self.other, other, gap.on_environment)
+        at(self.own, &self.poses[0], own) - at(self.other, &self.poses[1], other)
     }
 }
 

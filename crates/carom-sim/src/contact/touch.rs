@@ -14,9 +14,7 @@ use super::rule::ContactRule;
 use super::surface::{Moving, Surface, SurfaceMotion};
 use crate::error::SimError;
 use carom_chain::{Chain, JointCoordinate};
-use carom_contact::{
-    LeftOut, LinkShape, Meeting, Obstacle, Solid, Surface as Form, link_shapes, reachable_pairs, shapes_of_link,
-};
+use carom_contact::{LeftOut, LinkShape, Meeting, Solid, Surface as Form, link_shapes, out_of_reach, shapes_of_link};
 use carom_impact::Frictionless;
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -41,8 +39,8 @@ pub(crate) enum TouchKind {
     /// Any other pair of bodies: a contact of two of their parts, or (`None`) their nearest points. A pair that is divided
     /// has touches of both kinds; its nearest points then are a contact only where no contact of parts is as near.
     Pair { pair: Arc<Pair>, part: Option<Meeting> },
-    /// A joint limit.
-    Limit { joint: String, q: usize, v: usize, bound: f64, upper: bool },
+    /// A joint limit, with the sign of the force that it exerts.
+    Limit { joint: String, q: usize, v: usize, bound: f64, sign: f64 },
 }
 
 /// The shapes of a chain among these surfaces: without surfaces none is needed, and no mesh is read.
@@ -110,14 +108,14 @@ impl Touch {
         // The reach of moving surfaces is not computed.
         let (moving, still): (Vec<_>, Vec<_>) =
             surfaces.iter().partition(|surface| surface.motion.as_ref().is_some_and(SurfaceMotion::moves_shape));
-        let obstacles: Vec<Obstacle> = still.iter().map(|surface| surface.obstacle.clone()).collect();
-        let found = reachable_pairs(chain, &shapes, &obstacles);
-        let name = |shape: &LinkShape, surface: &Surface| format!("{} on {}", shape.link(), surface.name);
-        let left_out = found.left_out.iter();
-        let left_out = left_out.map(|(pair, why)| (name(&shapes[pair.shape], still[pair.obstacle]), *why)).collect();
-        let mut touches = Vec::new();
-        for pair in &found.pairs {
-            Self::add(&mut touches, &shapes[pair.shape], still[pair.obstacle]);
+        let (mut touches, mut left_out) = (Vec::new(), Vec::new());
+        for shape in &shapes {
+            for surface in &still {
+                match out_of_reach(chain, shape, &surface.obstacle) {
+                    Some(why) => left_out.push((format!("{} on {}", shape.link(), surface.name), why)),
+                    None => Self::add(&mut touches, shape, surface),
+                }
+            }
         }
         for surface in moving {
             shapes.iter().for_each(|shape| Self::add(&mut touches, shape, surface));
@@ -216,12 +214,13 @@ impl Touch {
             for (bound, side) in [(joint.limits.lower, "lower"), (joint.limits.upper, "upper")] {
                 let Some(bound) = bound.map(|bound| (bound - offset) / multiplier) else { continue };
                 let upper = (side == "upper") == (multiplier > 0.0);
-                let kind = TouchKind::Limit { joint: joint.name.clone(), q, v, bound, upper };
+                let sign = if upper { -1.0 } else { 1.0 };
+                let kind = TouchKind::Limit { joint: joint.name.clone(), q, v, bound, sign };
                 let name = format!("{side} limit of {}", joint.name);
                 let contact = ContactRule::new(Frictionless { restitution });
                 let new = Self { name, contact, kind, surface: None, motion: None };
                 let known = touches.iter_mut().find_map(|touch| match touch.kind {
-                    TouchKind::Limit { q: own, upper: side, bound, .. } if own == q && side == upper => {
+                    TouchKind::Limit { q: own, sign: side, bound, .. } if own == q && side == sign => {
                         Some((touch, bound))
                     }
                     _ => None,
@@ -272,7 +271,7 @@ impl Touch {
     /// The coordinate of qd that a joint limit stops, and the sign of the joint force that it exerts.
     pub(crate) fn stops(&self) -> Option<(usize, f64)> {
         match &self.kind {
-            TouchKind::Limit { v, upper, .. } => Some((*v, if *upper { -1.0 } else { 1.0 })),
+            TouchKind::Limit { v, sign, .. } => Some((*v, *sign)),
             _ => None,
         }
     }

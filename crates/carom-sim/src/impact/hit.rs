@@ -100,26 +100,11 @@ impl ChainImpact {
         qd: &[f64],
     ) -> Box<Self> {
         let mut hit = Box::new(Self::empty(qd.len()));
-        let rows: Vec<_> = response.row_iter().map(|row| row.transpose()).collect();
-        hit.carry(outcome, axes, rows.iter(), qd);
-        hit
-    }
-
-    /// Sets all but energies and drives from the outcome of a law: qd⁺ = qd⁻ + X p, where `response` has the rows of X = M⁻¹Jᵀ
-    /// in world axes.
-    #[inline(always)]
-    pub(crate) fn carry<'r>(
-        &mut self,
-        outcome: ImpactOutcome<f64, 3>,
-        axes: &Matrix3<f64>,
-        response: impl Iterator<Item = &'r Vector3<f64>>,
-        qd: &[f64],
-    ) {
-        self.take(outcome, axes);
-        let impulse = self.impulse;
-        for ((after, before), row) in self.qd_plus.iter_mut().zip(qd).zip(response) {
-            *after = before + row.dot(&impulse);
+        hit.take(outcome, axes);
+        for ((after, before), row) in hit.qd_plus.iter_mut().zip(qd).zip(response.row_iter()) {
+            *after = before + row.transpose().dot(&hit.impulse);
         }
+        hit
     }
 
     /// Sets impulse, contact velocities, mode and flags from the outcome of a law in contact axes.

@@ -1,6 +1,6 @@
 //! The action of the joint drives during an impact.
 
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use carom_chain::urdf::JointType;
 use carom_chain::{Chain, ChainError, Coordinates};
 
@@ -71,20 +71,15 @@ impl JointModel<'_> {
             Self::Impedance { stiffness, damping, contact_time } => {
                 chain.check_v("stiffness", stiffness)?;
                 chain.check_v("damping", damping)?;
-                let not = |what, value, rule| Err(SimError::Setting { what, value, rule });
-                if !(contact_time > 0.0 && contact_time.is_finite()) {
-                    return not("the contact time", contact_time, "it must be finite and above 0 s");
-                }
+                let lasts = contact_time > 0.0 && contact_time.is_finite();
+                require(lasts, "the contact time", contact_time, "it must be finite and above 0 s")?;
                 for (k, sum) in added.iter_mut().enumerate() {
                     for (what, value) in [("a joint's stiffness", stiffness[k]), ("a joint's damping", damping[k])] {
-                        if value < 0.0 {
-                            return not(what, value, "it must be 0 or more");
-                        }
+                        require(value >= 0.0, what, value, "it must be 0 or more")?;
                     }
                     *sum = contact_time * (stiffness[k] * contact_time + damping[k]);
-                    if !sum.is_finite() {
-                        return not("the inertia Δt (K Δt + D)", *sum, "it must be finite; lock the joint instead");
-                    }
+                    let rule = "it must be finite; lock the joint instead";
+                    require(sum.is_finite(), "the inertia Δt (K Δt + D)", *sum, rule)?;
                 }
             }
         }

@@ -4,9 +4,9 @@
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
 //! | x | 2nv | (q, qd), q in its tangent space | – |
-//! | F⁻, F⁺ | 2nv | ẋ = (qd, q̈) before and after | `before`, `after` |
+//! | F⁻, F⁺ | 2nv | ẋ = (qd, q̈) before and after | `rate` |
 //! | R | 2nv | the reset x⁺ = R(x⁻, t) | `reset`, `reset_rate` |
-//! | g | 1 | the gap, m | `gap`, `gap_rate` |
+//! | g | 1 | the gap, m; its derivatives with respect to x and time | `gap`, `−surface.z` |
 //! | Ξ | 2nv×2nv | δx⁺ = Ξ δx⁻ | `matrix` |
 //!
 //! ```text
@@ -21,47 +21,11 @@
 //! Proc. IEEE 112 (2024) 585.
 
 use super::derivative::{ContactRows, differentiate};
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use crate::state::Moment;
 use carom_chain::{Chain, Rows};
 use carom_impact::{ImpactProblem, Law};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-
-/// The data of a jump of a general state at the closing of a gap, to first order.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Jump {
-    /// D_x R, the derivative of the state after the jump with respect to the state before it, at constant time.
-    pub reset: DMatrix<f64>,
-    /// D_t R, the derivative of the state after the jump with respect to time.
-    pub reset_rate: DVector<f64>,
-    /// F⁻, the rate of the state just before the jump.
-    pub before: DVector<f64>,
-    /// F⁺, the rate of the state just after the jump.
-    pub after: DVector<f64>,
-    /// D_x g, the derivative of the gap with respect to the state.
-    pub gap: DVector<f64>,
-    /// D_t g, the derivative of the gap with respect to time.
-    pub gap_rate: f64,
-}
-
-impl Jump {
-    /// The saltation matrix Ξ.
-    ///
-    /// # Errors
-    /// [`SimError::Setting`] if the rate of the gap before the jump is not negative. At grazing (rate 0) there is no
-    /// derivative.
-    pub fn saltation(&self) -> Result<Saltation, SimError> {
-        let closing = self.gap_rate + self.gap.dot(&self.before);
-        if closing.is_nan() || closing >= 0.0 {
-            let rule =
-                "it must be negative: the state before an impact closes the gap (at grazing there is no derivative)";
-            return Err(SimError::Setting { what: "rate of the gap", value: closing, rule });
-        }
-        let time = -&self.gap / closing;
-        let late = &self.reset * &self.before + &self.reset_rate - &self.after;
-        Ok(Saltation { matrix: &self.reset + late * time.transpose(), closing, time })
-    }
-}
 
 /// The saltation matrix of an impact, for small changes of the state (q, qd), with q in its tangent space.
 #[derive(Debug, Clone, PartialEq)]
@@ -126,5 +90,11 @@ pub fn saltation<C: ContactRows>(
     }
     let mut gap = DVector::zeros(2 * nv);
     gap.rows_mut(0, nv).copy_from(&rows.row(2).transpose());
-    Jump { reset, reset_rate, before: rate(&velocities)?, after: rate(&after)?, gap, gap_rate: -surface.z }.saltation()
+    let before = rate(&velocities)?;
+    let closing = gap.dot(&before) - surface.z;
+    let rule = "it must be negative: the state before an impact closes the gap (at grazing there is no derivative)";
+    require(closing < 0.0, "rate of the gap", closing, rule)?;
+    let late = &reset * before + reset_rate - rate(&after)?;
+    let time = -gap / closing;
+    Ok(Saltation { matrix: reset + late * time.transpose(), closing, time })
 }

@@ -15,7 +15,6 @@
 //! | W | nv | inertia that the drives add to the diagonal of M; infinite at locked joints | – |
 //! | j | nv | impulse of the drives, −W (q̇⁺ − q̇⁻) | `drive_impulse` |
 
-use super::band::ImpactBand;
 use super::contact::Contact;
 use super::derivative::{ImpactDerivative, unit};
 use super::hit::ChainImpact;
@@ -28,7 +27,7 @@ use crate::error::SimError;
 use crate::state::Moment;
 use carom_chain::algebra::z_onto;
 use carom_chain::{Chain, ChainError, FramePoint, Point, Spatial};
-use carom_impact::{CoefficientRanges, Law};
+use carom_impact::Law;
 use nalgebra::Vector3;
 
 /// Extension trait of [`Chain`] with the method `chain.impact(&q, &qd)`; in the prelude of `carom`.
@@ -196,14 +195,6 @@ impl<'a> Strike<'a> {
         Ok(hit)
     }
 
-    /// Computes all impacts that satisfy the law, see [`Law::branches`]. The first one is that of [`Strike::resolve`].
-    ///
-    /// # Errors
-    /// As [`Strike::resolve`].
-    pub fn branches(self, law: &dyn Law<f64, 3>) -> Result<Vec<ChainImpact>, SimError> {
-        self.contact()?.branches(law)
-    }
-
     /// Computes the impact with a law and the derivatives of `qd_plus` with respect to q, qd⁻, e and μ. The contact point is
     /// fixed on its link and the normal is fixed in the world.
     ///
@@ -229,14 +220,6 @@ impl<'a> Strike<'a> {
         let mut prepared = self.prepare()?;
         self.chain.check_state(self.q, self.qd)?;
         prepared.derivative(self.q, self.qd, law)
-    }
-
-    /// Bounds of the outcome while e and μ vary in ranges: see [`Contact::band`].
-    ///
-    /// # Errors
-    /// As [`Strike::contact`] and [`Contact::band`].
-    pub fn band(self, law: &dyn Law<f64, 3>, ranges: &CoefficientRanges) -> Result<ImpactBand, SimError> {
-        self.contact()?.band(law, ranges)
     }
 
     /// The saltation matrix of this impact with a plane at rest, for a chain that moves freely under `gravity` (world axes,

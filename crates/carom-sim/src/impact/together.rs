@@ -112,15 +112,13 @@ pub(super) fn resolve(
     }
     let u_minus = DVector::from_iterator(size, seen.iter().flat_map(|point| point.u_minus.iter().copied()));
     let constraints = points.iter().flat_map(|(struck, _)| match struck.grip {
-        Grip::Contact { restitution, friction } => vec![Constraint::Contact { restitution, friction }],
-        Grip::Sticks => vec![Constraint::Held; 3],
+        Grip::Contact { restitution, friction } => {
+            vec![(Constraint::Contact { restitution, friction }, struck.relative_stiffness)]
+        }
+        Grip::Sticks => vec![(Constraint::Held, 1.0); 3],
     });
-    let problem = SeveralProblem::new(delassus, u_minus, constraints.collect())?;
-    let stiffnesses = points.iter().flat_map(|(struck, _)| match struck.grip {
-        Grip::Contact { .. } => vec![struck.relative_stiffness],
-        Grip::Sticks => vec![1.0; 3],
-    });
-    let stiffnesses: Vec<f64> = stiffnesses.collect();
+    let (constraints, stiffnesses): (_, Vec<f64>) = constraints.unzip();
+    let problem = SeveralProblem::new(delassus, u_minus, constraints)?;
     let solve = |problem: &SeveralProblem| -> Result<Solved, SimError> {
         let mut found = law.solve(problem, &stiffnesses, &Accuracy::default(), None)?;
         let rounding = problem.rounding(&found.impulse);

@@ -1,10 +1,11 @@
 //! Controllers that users write in Rust.
 
+use super::control_law::{Add, Asked, Body, ControlLaw, State};
 use crate::error::SimError;
+use crate::state::Space;
 use carom_chain::Chain;
 use nalgebra::Vector3;
 use std::fmt;
-use std::ops::Deref;
 use std::sync::Arc;
 
 /// What a controller sees.
@@ -69,24 +70,9 @@ pub trait Controller: Send + Sync {
     }
 }
 
-/// A user's [`Controller`] as a value; it dereferences to the controller. Clones share it, and it equals its clones only.
+/// A user's [`Controller`] as a value: see [`Drive::user`](crate::Drive::user). Clones share it, and it equals its clones only.
 #[derive(Clone)]
-pub struct UserController(Arc<dyn Controller>);
-
-impl UserController {
-    /// The value of a controller.
-    pub fn new(controller: impl Controller + 'static) -> Self {
-        Self(Arc::new(controller))
-    }
-}
-
-impl Deref for UserController {
-    type Target = dyn Controller;
-
-    fn deref(&self) -> &Self::Target {
-        &*self.0
-    }
-}
+pub struct UserController(pub(super) Arc<dyn Controller>);
 
 impl PartialEq for UserController {
     fn eq(&self, other: &Self) -> bool {
@@ -94,8 +80,36 @@ impl PartialEq for UserController {
     }
 }
 
+impl ControlLaw for UserController {
+    fn name(&self) -> &str {
+        self.0.name()
+    }
+
+    fn is_steady(&self) -> bool {
+        self.0.is_steady()
+    }
+
+    fn next_kink(&self, time: f64) -> Option<f64> {
+        self.0.next_kink(time).filter(|kink| *kink > time)
+    }
+
+    fn drive<A: Space>(&self, asked: &Asked, _: Body<A>, (q, qd): State, add: Add) -> Result<(), SimError> {
+        let mut forces = vec![0.0; qd.len()];
+        let Asked { chain, time, gravity, .. } = *asked;
+        let hit = asked.was_hit();
+        self.0.forces(&Observed { chain, time, q, qd, gravity, hit }, &mut forces)?;
+        if let Some(v) = forces.iter().position(|force| !force.is_finite()) {
+            let joint = chain.joint_of_velocity(v).map_or_else(String::new, |joint| joint.name.clone());
+            let problem = format!("gets the force {} from controller '{}'", forces[v], self.0.name());
+            return Err(SimError::Joint { joint, problem });
+        }
+        asked.motors.iter().for_each(|motor| add(motor.v, forces[motor.v]));
+        Ok(())
+    }
+}
+
 impl fmt::Debug for UserController {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("UserController").field(&self.name()).finish()
+        f.debug_tuple("UserController").field(&self.0.name()).finish()
     }
 }

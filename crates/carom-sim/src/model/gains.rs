@@ -1,6 +1,6 @@
 //! The joints that motors drive, and gains for each of them.
 
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use carom_chain::{Chain, Coordinates};
 
 /// One non-negative number for all joints, or one for each number of qd.
@@ -33,6 +33,17 @@ impl Gains {
         }
     }
 
+    /// The gains of all `nv` numbers of qd, to be changed one by one.
+    pub(super) fn each(&mut self, nv: usize) -> &mut [f64] {
+        if let Self::Same(gain) = self {
+            *self = Self::Each(vec![*gain; nv]);
+        }
+        match self {
+            Self::Same(gain) => std::slice::from_mut(gain),
+            Self::Each(gains) => gains,
+        }
+    }
+
     /// # Errors
     /// [`SimError`]: a gain that is negative or not finite, or a list of another length than nv.
     pub(crate) fn check(&self, what: &'static str, chain: &Chain) -> Result<(), SimError> {
@@ -50,8 +61,7 @@ impl Gains {
 /// # Errors
 /// [`SimError::Setting`] for a number that is negative or not finite.
 pub(crate) fn not_negative(what: &'static str, value: f64) -> Result<(), SimError> {
-    let fine = value >= 0.0 && value.is_finite();
-    if fine { Ok(()) } else { Err(SimError::Setting { what, value, rule: "it must be finite and not negative" }) }
+    require(value >= 0.0 && value.is_finite(), what, value, "it must be finite and not negative")
 }
 
 /// A joint with one coordinate, which a motor can drive. Floating and planar joints have none: nothing drives a base.

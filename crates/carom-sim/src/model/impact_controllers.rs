@@ -7,12 +7,16 @@
 //! | u, a | 3 | velocity and desired acceleration of the tip | `u`, `wanted` |
 //! | N | nv×nv | I − M⁻¹jᵀj/(j M⁻¹jᵀ): projection onto the velocities that no normal impulse changes; N M⁻¹jᵀ = 0 | – |
 
-use super::asked::Asked;
-use super::gains::{Gains, Motor};
-use crate::error::SimError;
+use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
+use super::gains::{Gains, Motor, not_negative};
+use crate::error::{SimError, require};
 use crate::state::{Space, View, pseudo_inverse};
-use carom_chain::Rows;
+use carom_chain::urdf::JointType;
+use carom_chain::{ChainError, Rows};
 use nalgebra::{DVector, Matrix3, Vector3};
+
+/// Largest deviation of the length of a normal from 1: that of components with ten digits, which files have.
+const UNIT: f64 = 1e-9;
 
 /// The transition controller: before the first impact the tip follows a desired velocity to the surface; afterwards its
 /// normal velocity is controlled to zero with an acceleration `press` towards the surface, and its tangential velocity to
@@ -60,8 +64,38 @@ pub struct ImpactInvariant {
     pub velocity: Vec<f64>,
 }
 
-impl Transition {
-    pub(super) fn forces<A: Space>(&self, asked: &Asked, view: &mut View<A>, qd: &[f64]) -> Result<Vec<f64>, SimError> {
+/// # Errors
+/// [`SimError::Setting`] for a normal whose length is not 1.
+fn check_unit(normal: &Vector3<f64>) -> Result<(), SimError> {
+    let length = normal.norm();
+    require((length - 1.0).abs() < UNIT, "length of the drive's normal", length, "it must be 1")
+}
+
+impl ControlLaw for Transition {
+    fn name(&self) -> &str {
+        "transition"
+    }
+
+    fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
+        vec![("tip", Part::Link(&mut self.tip))]
+    }
+
+    fn check(&self, _: &Driven) -> Result<(), SimError> {
+        not_negative("gain", self.gain)?;
+        not_negative("press", self.press)?;
+        check_unit(&self.normal)
+    }
+
+    fn is_of_trees(&self) -> bool {
+        true
+    }
+
+    fn rate(&self) -> f64 {
+        self.gain
+    }
+
+    fn drive<A: Space>(&self, asked: &Asked, body: Body<A>, (q, qd): State, add: Add) -> Result<(), SimError> {
+        let mut view = View::<A>::new(body.0, body.1, q)?;
         let n = self.normal;
         let frame = asked.chain.frame(&self.tip)?;
         let point = view.point(frame, view.pose(frame).translation);
@@ -82,18 +116,47 @@ impl Transition {
         };
         let force = pseudo_inverse(delassus) * (wanted - drift);
         let force = jacobian.transpose() * DVector::from_column_slice(force.as_slice());
-        Ok((view.bias(qd, asked.gravity)? + force).as_slice().to_vec())
+        (view.bias(qd, asked.gravity)? + force).iter().enumerate().for_each(|(i, force)| add(i, *force));
+        Ok(())
     }
 }
 
-impl ImpactInvariant {
-    pub(super) fn forces<A: Space>(
-        &self,
-        asked: &Asked,
-        view: &mut View<A>,
-        (q, qd): (&[f64], &[f64]),
-        mut add: impl FnMut(usize, f64),
-    ) -> Result<(), SimError> {
+impl ControlLaw for ImpactInvariant {
+    fn name(&self) -> &str {
+        "impact-invariant"
+    }
+
+    fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
+        let Self { tip, kp, kd, target, velocity, .. } = self;
+        let gains = [("kp", Part::Gains(kp)), ("kd", Part::Gains(kd))];
+        let state = [("target", Part::Q(target)), ("velocity", Part::V(velocity)), ("tip", Part::Link(tip))];
+        gains.into_iter().chain(state).collect()
+    }
+
+    fn check(&self, &Driven { chain, ref v, .. }: &Driven) -> Result<(), SimError> {
+        let floating = |v| chain.joint_of_velocity(v).filter(|it| it.kind == JointType::Floating);
+        if let Some(base) = v.clone().find_map(floating) {
+            let why = format!(
+                "a controller with a target configuration needs q̇ = qd, but '{}' has the floating joint '{}': choose \
+                 another controller",
+                chain.name(),
+                base.name
+            );
+            return Err(ChainError::NotReducible(why).into());
+        }
+        check_unit(&self.normal)
+    }
+
+    fn is_of_trees(&self) -> bool {
+        true
+    }
+
+    fn gains(&self, v: usize) -> (f64, f64) {
+        (self.kp.at(v), self.kd.at(v))
+    }
+
+    fn drive<A: Space>(&self, asked: &Asked, body: Body<A>, (q, qd): State, add: Add) -> Result<(), SimError> {
+        let mut view = View::<A>::new(body.0, body.1, q)?;
         let frame = asked.chain.frame(&self.tip)?;
         let (mut rows, mut responses) = (Rows::new(qd.len()), Rows::default());
         view.add_row(view.point(frame, view.pose(frame).translation), self.normal, rows.add())?;

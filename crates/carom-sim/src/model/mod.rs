@@ -1,29 +1,35 @@
 //! What is simulated: a chain, its possible contacts, its motors, springs and outer forces, and the settings.
 
-mod asked;
+mod control_law;
 mod controller;
 mod drive;
 mod gains;
 mod impact_controllers;
 mod loops;
 mod parameter;
+mod pd;
 mod reference;
+mod robot_drives;
 mod simulation;
 mod spring;
+mod torques;
 mod tracking;
 mod wrench;
 
-pub(crate) use asked::Asked;
-pub use controller::{Controller, Observed, UserController};
-pub use drive::{Drive, RobotDrive};
+pub(crate) use control_law::Asked;
+pub use controller::{Controller, Observed};
+pub use drive::Drive;
 pub use gains::Gains;
 pub(crate) use gains::{Motor, motors};
 pub use impact_controllers::{ImpactInvariant, Transition};
 pub use loops::{Loop, LoopFrame, LoopJoint};
 pub use parameter::Parameter;
+pub use pd::Pd;
 pub use reference::Reference;
+pub use robot_drives::RobotDrive;
 pub use simulation::{Integrator, Simulation};
 pub use spring::Spring;
 pub(crate) use spring::SpringAt;
+pub use torques::TorqueTable;
 pub use tracking::Tracking;
 pub use wrench::{Load, Wrench, WrenchAxes};

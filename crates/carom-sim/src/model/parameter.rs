@@ -1,7 +1,6 @@
 //! The numbers of a simulation by which a run can be differentiated.
 
-use super::drive::Drive;
-use super::gains::{Gains, motors};
+use super::gains::motors;
 use super::simulation::Simulation;
 use crate::contact::ContactLaw;
 use carom_impact::Coefficients;
@@ -90,47 +89,17 @@ impl Parameter {
         for motor in motors(&simulation.chain) {
             let joint =
                 simulation.chain.joint_of_velocity(motor.v).map_or_else(String::new, |joint| joint.name.clone());
-            let (q, v, nv) = (motor.q, motor.v, simulation.chain.nv());
-            let mut add = |what: &str, size: f64, change: fn(&mut Drive, [usize; 3], f64)| {
+            let nv = simulation.chain.nv();
+            for (name, size) in simulation.drive.clone().parameters(&motor, nv) {
                 let change = move |simulation: &mut Simulation, delta: f64| {
-                    change(&mut simulation.drive, [q, v, nv], delta);
+                    let own = simulation.drive.parameters(&motor, nv).into_iter();
+                    own.filter(|(other, _)| *other == name).for_each(|(_, number)| *number += delta);
                 };
-                all.push(Self::new(format!("{what} {joint}"), size.abs().max(1.0), change));
-            };
-            match &simulation.drive {
-                Drive::Constant(forces) => add("torque", forces[v], |drive, [_, v, _], delta| {
-                    if let Drive::Constant(forces) = drive {
-                        forces[v] += delta;
-                    }
-                }),
-                Drive::Pd { kp, kd, target } => {
-                    add("kp", kp.at(v), |drive, [_, v, nv], delta| {
-                        if let Drive::Pd { kp, .. } = drive {
-                            increase(kp, v, nv, delta);
-                        }
-                    });
-                    add("kd", kd.at(v), |drive, [_, v, nv], delta| {
-                        if let Drive::Pd { kd, .. } = drive {
-                            increase(kd, v, nv, delta);
-                        }
-                    });
-                    add("target", target[q], |drive, [q, ..], delta| {
-                        if let Drive::Pd { target, .. } = drive {
-                            target[q] += delta;
-                        }
-                    });
-                }
-                _ => {}
+                all.push(Self::new(format!("{name} {joint}"), size.abs().max(1.0), change));
             }
         }
         all
     }
-}
-
-fn increase(gains: &mut Gains, v: usize, nv: usize, delta: f64) {
-    let mut each: Vec<f64> = (0..nv).map(|v| gains.at(v)).collect();
-    each[v] += delta;
-    *gains = Gains::Each(each);
 }
 
 /// Changes the coefficients of all contacts of links under laws of `carom-impact`.

@@ -11,7 +11,7 @@
 //! polynomials are then reproduced, and the error of smooth curves is of fourth order up to the ends (C. de Boor, *A Practical
 //! Guide to Splines*, chapter IV). Three points give a parabola, two a line, one a constant.
 
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use crate::state::next_of;
 
 /// Positions of joints over time, with continuous velocity and acceleration: cubic splines. Before the first and after the
@@ -36,20 +36,19 @@ impl Reference {
     /// # Errors
     /// [`SimError::Setting`]: no row, rows of different lengths, times that do not ascend, numbers that are not finite.
     pub fn new(times: Vec<f64>, positions: &[Vec<f64>]) -> Result<Self, SimError> {
-        let refuse = |what, value, rule| Err(SimError::Setting { what, value, rule });
-        if times.is_empty() || times.len() != positions.len() {
-            let rule = "it must be the number of times, and at least 1";
-            return refuse("number of rows of the reference", positions.len() as f64, rule);
+        let paired = !times.is_empty() && times.len() == positions.len();
+        let rule = "it must be the number of times, and at least 1";
+        require(paired, "number of rows of the reference", positions.len() as f64, rule)?;
+        for &x in times.iter().chain(positions.iter().flatten()) {
+            require(x.is_finite(), "number in the reference", x, "it must be finite")?;
         }
-        if let Some(&value) = times.iter().chain(positions.iter().flatten()).find(|x| !x.is_finite()) {
-            return refuse("number in the reference", value, "it must be finite");
-        }
-        if let Some(pair) = times.windows(2).find(|pair| pair[1] <= pair[0]) {
-            return refuse("time in the reference", pair[1], "the times of a reference must ascend");
+        for pair in times.windows(2) {
+            require(pair[0] < pair[1], "time in the reference", pair[1], "the times of a reference must ascend")?;
         }
         let width = positions[0].len();
-        if let Some(row) = positions.iter().find(|row| row.len() != width) {
-            return refuse("length of a row of the reference", row.len() as f64, "all rows must have the same length");
+        for length in positions.iter().map(Vec::len) {
+            let rule = "all rows must have the same length";
+            require(length == width, "length of a row of the reference", length as f64, rule)?;
         }
         let curve = |k: usize| {
             let y: Vec<f64> = positions.iter().map(|row| row[k]).collect();

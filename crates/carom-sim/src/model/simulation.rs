@@ -1,12 +1,13 @@
 //! The description of a simulation: a chain with its contacts, and the settings. It runs in `run/stream.rs`.
 
+use super::control_law::ControlLaw;
 use super::drive::Drive;
 use super::gains::motors;
 use super::loops::Loop;
 use super::spring::{Spring, SpringAt};
 use super::wrench::Wrench;
 use crate::contact::{Memory, Moving, SeveralLaw, Touch};
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use crate::state::{Coupling, Moment, Space, View, close_loops};
 use carom_chain::{Chain, Coordinates, JointInfo, PlanarChain, Spatial};
 use nalgebra::Vector3;
@@ -168,13 +169,10 @@ impl Simulation {
     /// [`SimError`]: an invalid state or setting.
     pub(crate) fn check(&self, q: &[f64], qd: &[f64], duration: f64, every: Option<f64>) -> Result<(), SimError> {
         self.chain.check_state(q, qd)?;
-        let positive = |what, value: f64| {
-            let fine = value > 0.0 && value.is_finite();
-            let rule = "it must be positive and finite";
-            if fine { Ok(()) } else { Err(SimError::Setting { what, value, rule }) }
-        };
-        if let Some(&value) = self.gravity.iter().find(|x| !x.is_finite()) {
-            return Err(SimError::Setting { what: "gravity", value, rule: "every component must be finite" });
+        let positive =
+            |what, value: f64| require(value > 0.0 && value.is_finite(), what, value, "it must be positive and finite");
+        for &x in &self.gravity {
+            require(x.is_finite(), "gravity", x, "every component must be finite")?;
         }
         positive("duration", duration)?;
         positive("tolerance", self.tolerance)?;
@@ -183,7 +181,7 @@ impl Simulation {
         positive("contact step", self.contact_step)?;
         let countable = |what, value: f64| {
             let rule = "the duration is more than 1e10 times as long: shorten the duration, or lengthen this";
-            if duration / value <= 1e10 { Ok(()) } else { Err(SimError::Setting { what, value, rule }) }
+            require(duration / value <= COUNTABLE, what, value, rule)
         };
         if let Some(every) = every {
             positive("sampling interval", every)?;
@@ -191,19 +189,15 @@ impl Simulation {
         }
         countable("contact step", self.contact_step)?;
         countable("longest step", self.max_step)?;
-        if self.tolerance < f64::EPSILON {
-            let rule = "no integration reaches it: numbers are rounded to 2.2e-16 of their size";
-            return Err(SimError::Setting { what: "tolerance", value: self.tolerance, rule });
-        }
-        if let Some(&value) = self.gravity.iter().find(|x| x.abs() > STRONGEST) {
+        let rule = "no integration reaches it: numbers are rounded to 2.2e-16 of their size";
+        require(self.tolerance >= f64::EPSILON, "tolerance", self.tolerance, rule)?;
+        for &x in &self.gravity {
             let rule = "it must stay below 1e100 m/s²: squares of larger numbers overflow";
-            return Err(SimError::Setting { what: "gravity", value, rule });
+            require(x.abs() <= STRONGEST, "gravity", x, rule)?;
         }
-        if let SeveralLaw::Energetic { exponent } = self.several
-            && !(1.0..=10.0).contains(&exponent)
-        {
+        if let SeveralLaw::Energetic { exponent } = self.several {
             let rule = "it lies between 1 (flat contacts) and 10: 1.5 for round bodies";
-            return Err(SimError::Setting { what: "exponent of the energetic law", value: exponent, rule });
+            require((1.0..=10.0).contains(&exponent), "exponent of the energetic law", exponent, rule)?;
         }
         let energetic = matches!(self.several, SeveralLaw::Energetic { .. }) && self.touches.len() > 1;
         for touch in &self.touches {
@@ -229,10 +223,8 @@ impl Simulation {
             }
         }
         let moments = self.start_time.is_finite() && (self.start_time + duration).is_finite();
-        if !moments {
-            let rule = "it must be finite, and so must be the end of the run";
-            return Err(SimError::Setting { what: "time at the start", value: self.start_time, rule });
-        }
+        let rule = "it must be finite, and so must be the end of the run";
+        require(moments, "time at the start", self.start_time, rule)?;
         self.wrenches.iter().try_for_each(|wrench| wrench.check(&self.chain))?;
         self.springs.iter().try_for_each(|spring| spring.on(&self.chain).map(|_| ()))?;
         self.check_loops()?;
@@ -251,10 +243,8 @@ impl Simulation {
     /// # Errors
     /// [`SimError::BadLoop`] for a drive that cannot be combined with loops.
     pub(crate) fn check_loops_of(&self, drive: &Drive) -> Result<(), SimError> {
-        let of_trees =
-            |(_, it): &(Option<&str>, &Drive)| matches!(it, Drive::Transition(_) | Drive::ImpactInvariant(_));
         match self.loops.first() {
-            Some(first) if drive.each_robot().iter().any(of_trees) => {
+            Some(first) if drive.laws().any(ControlLaw::is_of_trees) => {
                 let rule = "cannot be combined with the controllers \"transition\" and \"impact-invariant\", whose formulas are \
                             those of a tree: choose another controller, or remove the loop";
                 Err(SimError::BadLoop { name: first.name.clone(), rule: rule.to_owned() })
@@ -329,7 +319,7 @@ impl Simulation {
     /// The first time after `time` at which drives, outer forces or surfaces jump or have a kink; infinite without one.
     pub(crate) fn next_kink(&self, moving: &[&Moving], time: f64) -> f64 {
         let drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
-        let kinks = drives.filter_map(|drive| drive.next_kink(time));
+        let kinks = drives.flat_map(Drive::laws).filter_map(|law| law.next_kink(time));
         let kinks = kinks.chain(self.wrenches.iter().filter_map(|wrench| wrench.next_kink(time)));
         let surfaces = moving.iter().filter_map(|moving| match moving {
             Moving::Given(motion) => motion.next_kink(time),
@@ -340,8 +330,9 @@ impl Simulation {
 
     /// Whether a chain at rest at `time` stays at rest beside surfaces at rest: no drive and no outer force depends on time.
     pub(crate) fn is_steady(&self, time: f64) -> bool {
-        let mut drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
-        drives.all(Drive::is_steady) && self.wrenches.iter().all(|wrench| wrench.is_steady(time))
+        let drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
+        drives.flat_map(Drive::laws).all(ControlLaw::is_steady)
+            && self.wrenches.iter().all(|wrench| wrench.is_steady(time))
     }
 
     /// Normalises the quaternions in q, which the integration changes in length by its error. Returns whether any changed.
@@ -364,6 +355,8 @@ impl Simulation {
     }
 }
 
+/// Largest number of steps or samples of a run, which takes hours.
+const COUNTABLE: f64 = 1e10;
 /// Largest component of gravity, m/s².
 const STRONGEST: f64 = 1e100;
 

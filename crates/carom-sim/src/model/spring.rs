@@ -1,7 +1,7 @@
 //! Passive springs of joints.
 
 use super::gains::not_negative;
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use carom_chain::{Chain, Coordinates};
 
 /// A passive spring and damper of a joint: the joint force −k (q − rest) − d q̇. Its elastic energy is part of the potential
@@ -38,13 +38,7 @@ impl Spring {
         let Self { ref joint, rest, stiffness, damping } = *self;
         not_negative("stiffness of a spring", stiffness)?;
         not_negative("damping of a spring", damping)?;
-        if !rest.is_finite() {
-            return Err(SimError::Setting {
-                what: "rest position of a spring",
-                value: rest,
-                rule: "it must be finite",
-            });
-        }
+        require(rest.is_finite(), "rest position of a spring", rest, "it must be finite")?;
         match &chain.joint(joint)?.coordinates {
             Coordinates::Own { q, v } if v.len() == 1 => {
                 Ok(SpringAt { q: q.start, v: v.start, rest, stiffness, damping })

@@ -5,12 +5,11 @@
 //! | r, ṙ, r̈ | nv | reference |
 //! | τ_p | nv | passive joint forces: damping and springs |
 
-use super::asked::Asked;
-use super::gains::{Gains, Motor};
+use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
+use super::gains::Gains;
 use super::reference::Reference;
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use crate::state::{Space, View};
-use carom_chain::{Chain, Workspace};
 
 /// Feedback and feed-forward along a reference: `τ = τ_r + kp (r − q) + kd (ṙ − q̇)` at the joints with one coordinate.
 ///
@@ -28,33 +27,38 @@ pub struct Tracking {
     pub feed_forward: bool,
 }
 
-impl Tracking {
-    /// # Errors
-    /// [`SimError`]: invalid gains, a reference with another number of joints, feed-forward for a base without motors.
-    pub(super) fn check(&self, chain: &Chain, motors: &[Motor], velocities: usize) -> Result<(), SimError> {
-        self.kp.check("kp", chain)?;
-        self.kd.check("kd", chain)?;
-        let refuse = |what, value, rule| Err(SimError::Setting { what, value: value as f64, rule });
-        if self.reference.joints() != motors.len() {
-            let rule = "it must be the number of joints with one coordinate";
-            return refuse("number of joints of the reference", self.reference.joints(), rule);
-        }
-        if self.feed_forward && motors.len() != velocities {
-            let rule = "feed-forward needs a motor at each of them: set feed_forward = false for robots with a floating or \
-                        planar joint";
-            return refuse("number of velocities of the robot", velocities, rule);
-        }
-        Ok(())
+impl ControlLaw for Tracking {
+    fn name(&self) -> &str {
+        "tracking"
     }
 
-    /// Passes the force of every motor to `add`.
-    pub(super) fn push<A: Space>(
-        &self,
-        asked: &Asked,
-        (model, workspace): (&A::Model, &mut Workspace<A>),
-        (q, qd): (&[f64], &[f64]),
-        mut add: impl FnMut(usize, f64),
-    ) -> Result<(), SimError> {
+    fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
+        vec![("kp", Part::Gains(&mut self.kp)), ("kd", Part::Gains(&mut self.kd))]
+    }
+
+    fn check(&self, &Driven { motors, ref v, .. }: &Driven) -> Result<(), SimError> {
+        let (joints, rule) = (self.reference.joints(), "it must be the number of joints with one coordinate");
+        require(joints == motors.len(), "number of joints of the reference", joints as f64, rule)?;
+        let fed = !self.feed_forward || motors.len() == v.len();
+        let rule = "feed-forward needs a motor at each of them: set feed_forward = false for robots with a floating or \
+                    planar joint";
+        require(fed, "number of velocities of the robot", v.len() as f64, rule)
+    }
+
+    fn is_steady(&self) -> bool {
+        false
+    }
+
+    fn gains(&self, v: usize) -> (f64, f64) {
+        (self.kp.at(v), self.kd.at(v))
+    }
+
+    fn next_kink(&self, time: f64) -> Option<f64> {
+        self.reference.next_kink(time)
+    }
+
+    fn drive<A: Space>(&self, asked: &Asked, body: Body<A>, (q, qd): State, add: Add) -> Result<(), SimError> {
+        let (model, workspace) = body;
         let wanted = |k: usize| self.reference.at(k, asked.time);
         for (k, motor) in asked.motors.iter().enumerate() {
             let [r, rate, _] = wanted(k);

@@ -9,7 +9,7 @@
 //! a × (t × a) = t (a·a) − a (a·t) = t. So joint forces need the Jacobians of points only; and in the plane, where a and
 //! t × a are projected, the moment about the normal of the plane stays n·(a × (t × a)) = n·t.
 
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use crate::state::{Profile, Space, View};
 use carom_chain::{Chain, FrameId};
 use nalgebra::Vector3;
@@ -79,10 +79,7 @@ impl Wrench {
             Load::Table(_) => Default::default(),
         };
         let numbers = self.point.iter().chain(load.iter().flat_map(|vector| vector.iter()));
-        match numbers.into_iter().find(|x| !x.is_finite()) {
-            Some(&value) => Err(SimError::Setting { what: "number of a wrench", value, rule: "it must be finite" }),
-            None => Ok(()),
-        }
+        numbers.into_iter().try_for_each(|&x| require(x.is_finite(), "number of a wrench", x, "it must be finite"))
     }
 
     /// Whether it does not depend on time after `time`.

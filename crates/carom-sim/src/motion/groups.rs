@@ -174,7 +174,7 @@ impl<'a, A: Space> Gaps<'a, A> {
                     Some(part) if self.is_nearest(part, &placed) => least,
                     _ => self.look(touch, view, state, time)?,
                 };
-                if least.0 <= whole.0 + EQUAL * self.groups[group].pair.size() { (APART, 0.0) } else { whole }
+                if least.0 <= whole.0 + EQUAL * self.groups[group].pair.size() { APART } else { whole }
             }
         };
         *last = Some((group, placed));
@@ -191,7 +191,7 @@ impl<'a, A: Space> Gaps<'a, A> {
 
     /// The least gap of some contacts of parts of a group, with its rate, and the contact.
     fn least(&self, group: usize, placed: &Placed, wanted: impl Fn(usize) -> bool) -> ((f64, f64), Option<usize>) {
-        let (mut least, mut nearest) = ((APART, 0.0), None);
+        let (mut least, mut nearest) = (APART, None);
         let Group { pair, parts, meetings, .. } = &self.groups[group];
         for (&part, meeting) in parts.iter().zip(meetings) {
             if is_above(pair, *meeting, placed, least.0) || !wanted(part) {
@@ -276,11 +276,11 @@ impl<'a, A: Space> Gaps<'a, A> {
         let placed = self.placed(group, view, qd, time)?;
         // The lowest point over a plane.
         if pair.is_complete() && pair.is_on_plane() {
-            return Ok(pair.separation(&placed).unwrap_or((APART, 0.0)));
+            return Ok(pair.separation(&placed).unwrap_or(APART));
         }
         // A contact whose gap is the separation of the bodies along its normal has the least gap: no other one is examined.
         let mut nearest = self.nearest[group].take().filter(|&part| self.is_nearest(part, &placed));
-        let mut least = nearest.and_then(|part| self.of_part(part, &placed)).filter(|(gap, _)| *gap < APART);
+        let mut least = nearest.and_then(|part| self.of_part(part, &placed)).filter(|(gap, _)| gap.is_finite());
         if least.is_none() {
             let (found, part) = self.least(group, &placed, |_| true);
             nearest = part.filter(|&part| self.is_nearest(part, &placed));
@@ -288,7 +288,7 @@ impl<'a, A: Space> Gaps<'a, A> {
             least = Some(found).filter(|_| whole.is_none() || nearest.is_some());
         }
         self.nearest[group].set(nearest);
-        let (Some(whole), None) = (*whole, least) else { return Ok(least.unwrap_or((APART, 0.0))) };
+        let (Some(whole), None) = (*whole, least) else { return Ok(least.unwrap_or(APART)) };
         match pair.separation(&placed) {
             Some(bound) if bound.0 > FAR * pair.size() => Ok(bound),
             _ => self.look(whole, view, (q, qd), time),

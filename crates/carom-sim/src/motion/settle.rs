@@ -7,7 +7,7 @@ use super::lasting::{Dry, DryJoint, Hold, Lasting};
 use super::rows::{Constraints, Level, direction_of_slip, push};
 use super::select::Candidate;
 use super::smooth::{Kept, Motion};
-use crate::contact::{APART, Touch};
+use crate::contact::Touch;
 use crate::error::SimError;
 use crate::state::{EXACT, ROUNDING, Space, View};
 use carom_chain::Rows;
@@ -41,7 +41,7 @@ impl<A: Space> Motion<'_, A> {
                 let touch = &sim.touches[own.touch];
                 let at = touch.at(&view, &q, time);
                 // Not parts that no longer face each other.
-                if at.gap < APART {
+                if at.gap.is_finite() {
                     table.add((own, touch), (&at, &view), time, level)?;
                 }
             }

@@ -370,7 +370,7 @@ impl<'a, A: Space> Motion<'a, A> {
     pub fn regulation(&self) -> (Vec<f64>, Vec<f64>) {
         let (mut stiffness, mut damping) = (vec![0.0; self.damping.len()], self.damping.clone());
         let drive = self.drive();
-        let gains = self.motors.iter().map(|motor| (motor.v, drive.gains(motor.v)));
+        let gains = self.motors.iter().map(|motor| (motor.v, drive.law().gains(motor.v)));
         let springs = self.springs.iter().map(|spring| (spring.v, (spring.stiffness, spring.damping)));
         for (v, (p, d)) in gains.chain(springs) {
             stiffness[v] += p;

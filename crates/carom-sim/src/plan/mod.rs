@@ -7,21 +7,23 @@
 //!   plane are merged.
 //! - **Joints** are never left out: the motion of a branch that no contact can reach is a result, too.
 //! - **Pairs** of a link and a surface that are out of reach at every configuration are removed
-//!   ([`carom_contact::reachable_pairs`]).
+//!   ([`carom_contact::out_of_reach`]).
 //! - **Friction** that is zero: a contact has one row instead of three, and no friction cone.
 //!
 //! Effects that are not exactly zero are left out only within the user's tolerance ([`Simulation::neglect`]) and with a
 //! bound. The bound holds for each impact, not for a whole run.
 
-use crate::contact::{Compliance, Moving, Touch, TouchKind, friction_bound};
+mod numbers;
+
+use crate::contact::{Compliance, Touch};
 use crate::error::SimError;
-use crate::model::{Drive, Integrator, Simulation, motors};
-use crate::motion::Motion;
+use crate::model::{Drive, Integrator, Simulation};
 use crate::scene::Scene;
-use crate::state::{View, beyond};
+use crate::state::beyond;
+use carom_chain::PlanarChain;
 use carom_chain::urdf::JointType;
-use carom_chain::{Chain, Coordinates, JointInfo, PlanarChain, Spatial};
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::Vector3;
+use numbers::{SAME, bound_at_start, depth_at_start, fastest_rate, merged, without_motor};
 
 /// The reduced simulation of a scene, and the list of its reductions.
 #[derive(Debug, Clone)]
@@ -67,6 +69,10 @@ pub struct Bounded {
     pub of: String,
 }
 
+/// Joint axes that deviate by less, rad, are parallel: [`Chain::to_planar`] aligns axes that files give with ten digits.
+const ALIGNED: f64 = 1e-9;
+/// Numbers are shown with this inverse of a last digit where they differ from it by less than [`SAME`].
+const DIGITS: f64 = 1e9;
 /// If the stability of the explicit integrator needs more steps than this, the implicit one is used.
 const STIFF: f64 = 1e5;
 /// Dormand–Prince 8(5,3) is stable up to about this product of step and rate.
@@ -142,7 +148,7 @@ impl Plan {
                     let choice = format!("{merged} corners with the same projection as another");
                     self.leave_out("corners", choice, "they differ from it only perpendicular to the plane");
                 }
-                if tilt > 1e-9 {
+                if tilt > ALIGNED {
                     let bound = 2.0 * tilt * reach;
                     let choice = format!("joint axes turned by up to {} rad to be parallel", tidy(tilt));
                     let of = "displacement of any point, m: 2 × tilt × sum of the reaches of the joints".to_owned();
@@ -262,7 +268,9 @@ impl Plan {
         let known = surfaces.iter().map(|touch| &touch.contact.law).filter(|law| !law.is_users());
         let largest = known.map(|law| law.friction()).fold(0.0, f64::max);
         let bound = match neglect {
-            Some(share) if largest > 0.0 => self.bound_at_start(largest, e)?.map(|bound| (bound, share)),
+            Some(share) if largest > 0.0 => {
+                bound_at_start(&self.simulation, &self.q, &self.qd, [largest, e])?.map(|bound| (bound, share))
+            }
             _ => None,
         };
         let users = users.join(", ");
@@ -290,50 +298,14 @@ impl Plan {
             let of =
                 "largest penetration, m, at the start pose and velocity; the run reports the largest of all impacts"
                     .to_owned();
-            self.bounded.push(Bounded { what: "compliance", choice, bound: self.depth_at_start()?, of });
+            self.bounded.push(Bounded {
+                what: "compliance",
+                choice,
+                bound: depth_at_start(&self.simulation, &self.q, &self.qd)?,
+                of,
+            });
         }
         Ok(())
-    }
-
-    /// Largest penetration, m, of the compliant touch with the smallest gap, if it were hit at the start pose and velocity.
-    fn depth_at_start(&self) -> Result<f64, SimError> {
-        let sim = &self.simulation;
-        let mut motion = Motion::<Spatial<f64>>::new(sim, &sim.chain);
-        let mut nearest: Option<(f64, f64)> = None;
-        for (k, touch) in sim.touches.iter().enumerate() {
-            let Some(compliance) = touch.contact.compliance else { continue };
-            let (gap, rate, _) = motion.closing(k, &self.q, &self.qd, 0.0)?;
-            if nearest.is_none_or(|(least, _)| gap < least) {
-                let speed = (-rate).max(Compliance::SLOWEST);
-                let mass = motion.effective_mass(k, &self.q, 0.0)?;
-                nearest =
-                    Some((gap, compliance.normal(touch.contact.law.restitution())?.greatest_penetration(speed, mass)));
-            }
-        }
-        Ok(nearest.map_or(0.0, |(_, depth)| depth))
-    }
-
-    /// Friction bound of the touch with the smallest gap, if it were hit at the start pose and velocity.
-    fn bound_at_start(&self, mu: f64, e: f64) -> Result<Option<f64>, SimError> {
-        let sim = &self.simulation;
-        let mut workspace = sim.chain.workspace();
-        let couplings = sim.couplings::<Spatial<f64>>(&sim.chain);
-        let mut view = View::closed_by(&sim.chain, &mut workspace, &self.q, &couplings)?;
-        let near = sim
-            .touches
-            .iter()
-            .map(|touch| touch.at(&view, &self.q, 0.0))
-            .filter(|at| at.surface.is_some() && at.counts());
-        let Some(place) = near.min_by(|a, b| a.gap.total_cmp(&b.gap)).and_then(|at| at.surface) else {
-            return Ok(None);
-        };
-        let jacobian = place.jacobian(&view);
-        let response = view.responses(&jacobian)?;
-        let delassus: Matrix3<f64> = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
-        let u = place.velocity(&view, &self.qd)?;
-        let approach = (-place.normal.dot(&u)).max(0.0);
-        let speed = u.norm();
-        Ok((speed > 0.0).then(|| friction_bound(&delassus, &place.normal, approach, e, mu) / speed))
     }
 
     fn gravity(&mut self) {
@@ -416,81 +388,9 @@ fn listed(touches: &[&Touch]) -> String {
     format!("{}{more}", names.join("; "))
 }
 
-/// The floating and planar joints, which no motor drives.
-fn without_motor(chain: &Chain) -> Vec<&str> {
-    let free = |joint: &&JointInfo| matches!(&joint.coordinates, Coordinates::Own { v, .. } if v.len() > 1);
-    chain.joints().iter().filter(free).map(|joint| joint.name.as_str()).collect()
-}
-
 /// Formats a number without the rounding errors of a rotation.
 fn tidy(x: f64) -> String {
-    let rounded = (x * 1e9).round() / 1e9;
-    let shown = if (rounded - x).abs() < 1e-12 { rounded + 0.0 } else { x };
+    let rounded = (x * DIGITS).round() / DIGITS;
+    let shown = if (rounded - x).abs() < SAME { rounded + 0.0 } else { x };
     format!("{shown}")
-}
-
-/// The touches without the corners that differ from another one only perpendicular to the plane.
-fn merged(touches: &[Touch], flat: &PlanarChain) -> Vec<Touch> {
-    let normal = flat.plane.normal;
-    let mut kept: Vec<Touch> = Vec::new();
-    for touch in touches {
-        let shadow = |touch: &Touch| match &touch.kind {
-            TouchKind::Ball { shape, centre, radius, normal: n, .. } if n.dot(&normal).abs() < 1e-12 => {
-                Some((shape.frame(), flat.point(shape.frame(), *centre).position, *radius))
-            }
-            _ => None,
-        };
-        // Of compliant corners each has its own force.
-        let own = shadow(touch).filter(|_| touch.contact.compliance.is_none());
-        let twin = |other: &Touch| {
-            let (Some(a), Some(b)) = (own, shadow(other)) else { return false };
-            a.0 == b.0
-                && (a.1 - b.1).norm() < 1e-12
-                && a.2 == b.2
-                && other.surface == touch.surface
-                && !touch.motion.as_ref().is_some_and(Moving::turns)
-                && other.contact == touch.contact
-        };
-        if !kept.iter().any(twin) {
-            kept.push(touch.clone());
-        }
-    }
-    kept
-}
-
-/// An estimate of the fastest rate of drive and damping, 1/s: for M ẍ + D ẋ + K x = 0 the larger of the largest eigenvalue
-/// of M⁻¹D and the root of that of M⁻¹K.
-fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
-    let chain = &simulation.chain;
-    let rate_of = |drive: &Drive| match drive {
-        Drive::Transition(transition) => transition.gain,
-        _ => 0.0,
-    };
-    let drives = || [Some(&simulation.drive), simulation.after_impact.as_ref()].into_iter().flatten();
-    let tracked = drives().flat_map(Drive::each_robot).map(|(_, drive)| rate_of(drive)).fold(0.0, f64::max);
-    let (mut stiffness, mut damping) = (vec![0.0; chain.nv()], simulation.damping());
-    for motor in motors(chain) {
-        let gains = |pick: fn((f64, f64)) -> f64| drives().map(|drive| pick(drive.gains(motor.v))).fold(0.0, f64::max);
-        stiffness[motor.v] += gains(|(p, _)| p);
-        damping[motor.v] += gains(|(_, d)| d);
-    }
-    for spring in simulation.springs_at() {
-        stiffness[spring.v] += spring.stiffness;
-        damping[spring.v] += spring.damping;
-    }
-    if stiffness.iter().chain(&damping).all(|x| *x == 0.0) {
-        return Ok(tracked);
-    }
-    let mut workspace = chain.workspace();
-    let mut mass = workspace.update(chain, q)?.mass_matrix();
-    mass.fill_upper_triangle_with_lower_triangle();
-    let largest = |diagonal: &[f64]| {
-        let root = DMatrix::from_diagonal(&nalgebra::DVector::from_iterator(
-            diagonal.len(),
-            diagonal.iter().map(|d| d.sqrt()),
-        ));
-        let Some(inverse) = mass.clone().cholesky().map(|cholesky| cholesky.inverse()) else { return 0.0 };
-        (&root * inverse * &root).symmetric_eigenvalues().max().max(0.0)
-    };
-    Ok(largest(&damping).max(largest(&stiffness).sqrt()).max(tracked))
 }

@@ -6,7 +6,7 @@ use super::events::Run;
 use super::leap::LEAST;
 use super::memory::Class;
 use super::trajectory::{EventKind, StepReason};
-use crate::contact::{APART, Passing, Placed};
+use crate::contact::{Passing, Placed};
 use crate::error::SimError;
 use crate::model::Simulation;
 use crate::motion::{ConstraintForces, Dry, DryJoint, Gaps, Hold, Lasting, Motion, Scale};
@@ -285,7 +285,7 @@ impl Guard {
             (Self::Pair(group), _) => GuardValue::gap(gaps.of_group(group, view, (q, qd), time)?, now.scale.rounding()),
             (Self::Leaves(i), _) => {
                 let at = sim.touches[now.lasting[i].touch].at(view, q, time);
-                GuardValue::velocity(at.margin.min(APART), Met::OUTSIDE)
+                GuardValue::velocity(at.margin, Met::OUTSIDE)
             }
             (Self::Depth(i), _) => {
                 let (gap, rate) = look(now.lasting[i].touch)?;

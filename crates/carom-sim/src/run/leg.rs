@@ -252,7 +252,6 @@ fn integrate(
 mod tests {
     use super::super::trajectory::Sampling;
     use super::*;
-    use crate::contact::APART;
     use crate::motion::ContactState;
 
     /// A flow with the rate 1, whose guards are gaps that depend on time alone.
@@ -329,7 +328,7 @@ mod tests {
         let gap = |t: f64| {
             let value = 0.3 * end - t;
             if value < -0.1 * end {
-                GuardValue::gap((APART, 0.0), ROUNDING)
+                GuardValue::gap((f64::INFINITY, 0.0), ROUNDING)
             } else {
                 GuardValue::gap((value, -1.0), ROUNDING)
             }
@@ -346,7 +345,7 @@ mod tests {
         let end = 2.0_f64.powi(-10);
         let gaps = |t: f64| {
             let (gap, faces) = (0.301 * end - t, t < 0.302 * end);
-            let apart = GuardValue::gap((APART, 0.0), ROUNDING);
+            let apart = GuardValue::gap((f64::INFINITY, 0.0), ROUNDING);
             let there = GuardValue::gap((gap, -1.0), ROUNDING);
             vec![if faces { apart } else { there }, if faces { there } else { apart }]
         };

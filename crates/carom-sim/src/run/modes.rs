@@ -3,7 +3,6 @@
 
 use super::events::Run;
 use super::trajectory::{EventKind, StepReason};
-use crate::contact::APART;
 use crate::error::SimError;
 use crate::motion::{Candidate, Dry, DryJoint, Hold, Lasting};
 use crate::state::{EQUAL, Space};
@@ -62,7 +61,7 @@ impl<A: Space> Run<'_, '_, A> {
             kept.map(|own| Candidate { touch: own.touch, slip: None, kept: Some(*own) }).collect();
         for &touch in touches {
             // Parts that no longer face each other have opened; what no joint moves has no force.
-            if self.gap(touch)?.0 < APART && self.motion.moves(touch, self.time, &self.y)? {
+            if self.gap(touch)?.0.is_finite() && self.motion.moves(touch, self.time, &self.y)? {
                 candidates.push(self.motion.candidate(touch, self.time, &self.y)?);
             }
         }

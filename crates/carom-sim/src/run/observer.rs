@@ -16,7 +16,7 @@
 //! step is divided where the velocities of the bodies allow a contact ([`Passing`](crate::contact::Passing)). Parts of bodies that touch
 //! at others may begin to face each other below zero: an overlap of the bodies tells that one of them has closed.
 //!
-//! **Gaps that jump.** Parts of two bodies that begin to face each other with an overlap have a gap that jumps from [`APART`] to
+//! **Gaps that jump.** Parts of two bodies that begin to face each other with an overlap have a gap that jumps from infinity to
 //! below zero: other parts of these bodies touched before, and passed each other within the step. The least of all gaps goes through
 //! zero where they did.
 
@@ -25,7 +25,6 @@ use super::guard::GuardValue;
 use super::root::descent;
 use super::sampler::{Sampler, Step};
 use super::trajectory::Segment;
-use crate::contact::APART;
 use ivp::dense::StepInterpolant;
 use ivp::solout::{ControlFlag, SolOut};
 
@@ -213,7 +212,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
             .collect();
         let least = |it: &mut Self, time: f64| {
             let values = gaps.iter().map(|&k| (it.at(k, time, dense).value, k));
-            values.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((APART, k))
+            values.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, k))
         };
         if !gaps.contains(&k) || self.at(k, time, dense).value > -JUMP * self.before[k].least() {
             return ((time, level), k);
@@ -301,7 +300,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
     fn passed(&mut self, part: Part, dense: &StepInterpolant) -> Option<(f64, f64)> {
         let Part { k, level, start, end, before, after } = part;
         let closing = before.rate.is_some_and(|rate| before.value + rate * (end - start) < level);
-        if !after.is_gap || after.value < APART || !closing {
+        if !after.is_gap || after.value.is_finite() || !closing {
             return None;
         }
         let times = (1..PROBES).map(|i| start + (end - start) * i as f64 / PROBES as f64);

@@ -17,8 +17,8 @@ const MOST_VALUES: usize = 128;
 /// them is returned.
 pub(crate) fn descent(mut above: Sample, mut below: Sample, mut value: impl FnMut(f64) -> f64) -> f64 {
     let grain = 2.0 * f64::EPSILON * above.0.abs().max(below.0.abs());
-    // Start with linear interpolation.
-    let mut share = above.1 / (above.1 - below.1);
+    // Start with linear interpolation, or bisection from an infinite value.
+    let mut share = if above.1.is_finite() { above.1 / (above.1 - below.1) } else { 0.5 };
     for _ in 0..MOST_VALUES {
         let span = below.0 - above.0;
         let least = (grain / span.abs()).min(0.5);

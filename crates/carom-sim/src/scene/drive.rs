@@ -4,7 +4,7 @@ use super::file::{Control, Controller, PerJoint, Target};
 use super::surface::half_space;
 use super::table::Columns;
 use crate::contact::Surface;
-use crate::model::{Drive, Gains, ImpactInvariant, Reference, Tracking, Transition, motors};
+use crate::model::{Drive, Gains, ImpactInvariant, Pd, Reference, TorqueTable, Tracking, Transition, motors};
 use carom_chain::{Chain, ChainError};
 use nalgebra::Vector3;
 use std::path::Path;
@@ -78,7 +78,7 @@ impl Drives<'_> {
                 let file = run.torque_file.as_ref().ok_or_else(|| needs("torque_file"))?;
                 torque_table(&self.folder.join(file), self.chain).map_err(|why| format!("{table} torque_file {why}"))?
             }
-            Controller::Pd => Drive::Pd { kp: gains("kp", &run.kp)?, kd: gains("kd", &run.kd)?, target: wanted()? },
+            Controller::Pd => Drive::Pd(Pd { kp: gains("kp", &run.kp)?, kd: gains("kd", &run.kd)?, target: wanted()? }),
             Controller::Tracking => {
                 let file = run.reference.as_ref().ok_or_else(|| needs("reference"))?;
                 let driven = motors(self.chain).len() == self.chain.nv();
@@ -223,7 +223,7 @@ fn torque_table(path: &Path, chain: &Chain) -> Result<Drive, String> {
     };
     let done: Result<(Vec<f64>, Vec<Vec<f64>>), String> = read();
     let (times, forces) = done.and_then(ascending).map_err(|why| format!("{}: {why}", path.display()))?;
-    Ok(Drive::Table { times, forces })
+    Ok(Drive::Table(TorqueTable { times, forces }))
 }
 
 /// Refuses rows of the same time.

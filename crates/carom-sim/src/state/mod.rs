@@ -3,7 +3,6 @@
 mod accuracy;
 mod basis;
 mod closing;
-mod contact_impulse;
 mod coupling;
 mod moment;
 mod profile;
@@ -13,9 +12,8 @@ mod space;
 pub(crate) use accuracy::{CLEAR, EQUAL, EXACT, ROUNDING};
 pub(crate) use basis::{Basis, Spread};
 pub(crate) use closing::close_loops;
-pub use contact_impulse::ContactImpulse;
 pub(crate) use coupling::{Coupling, Loops};
-pub use moment::Moment;
+pub use moment::{ContactImpulse, Moment};
 pub use profile::Profile;
 pub(crate) use profile::{between, next_of};
 pub(crate) use reach::{beyond, reach};

@@ -1,6 +1,6 @@
 //! Numbers over time.
 
-use crate::error::SimError;
+use crate::error::{SimError, require};
 use std::sync::Arc;
 
 /// `N` numbers over time, linear between given times, constant before the first and after the last one. Clones share their
@@ -18,19 +18,18 @@ impl<const N: usize> Profile<N> {
     /// [`SimError::Setting`]: no row, other numbers of times and of values, times that descend or are given more than twice,
     /// numbers that are not finite.
     pub fn new(times: &[f64], values: &[[f64; N]]) -> Result<Self, SimError> {
-        let refuse = |what, value, rule| Err(SimError::Setting { what, value, rule });
-        if times.is_empty() || times.len() != values.len() {
-            let rule = "it must be the number of times, and at least 1";
-            return refuse("number of rows of the table", values.len() as f64, rule);
+        let paired = !times.is_empty() && times.len() == values.len();
+        let rule = "it must be the number of times, and at least 1";
+        require(paired, "number of rows of the table", values.len() as f64, rule)?;
+        for &x in times.iter().chain(values.iter().flatten()) {
+            require(x.is_finite(), "number in the table", x, "it must be finite")?;
         }
-        if let Some(&value) = times.iter().chain(values.iter().flatten()).find(|x| !x.is_finite()) {
-            return refuse("number in the table", value, "it must be finite");
+        for pair in times.windows(2) {
+            require(pair[0] <= pair[1], "time in the table", pair[1], "the times of a table must ascend")?;
         }
-        if let Some(pair) = times.windows(2).find(|pair| pair[1] < pair[0]) {
-            return refuse("time in the table", pair[1], "the times of a table must ascend");
-        }
-        if let Some(three) = times.windows(3).find(|three| three[0] == three[2]) {
-            return refuse("time in the table", three[0], "a jump has two rows of the same time, not more");
+        for three in times.windows(3) {
+            let rule = "a jump has two rows of the same time, not more";
+            require(three[0] != three[2], "time in the table", three[0], rule)?;
         }
         Ok(Self { times: times.into(), values: values.into() })
     }

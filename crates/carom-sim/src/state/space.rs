@@ -98,6 +98,12 @@ impl Space for Planar<f64> {
     }
 }
 
+/// A normal whose sine with the perpendicular of the plane is below this has no direction in the plane: far above rounding, far below
+/// any angle of a scene.
+const ACROSS: f64 = 1e-12;
+/// Eigenvalues of H below this share of the largest are zero: they are differences of sums of squares with rounding of some ε.
+const SINGULAR: f64 = 1e-12;
+
 /// Delassus matrix H = J M⁻¹ Jᵀ (3×3) and response M⁻¹Jᵀ (nv×3) of a point, world axes.
 pub(crate) type Felt = (Matrix3<f64>, MatrixXx3<f64>);
 
@@ -180,7 +186,7 @@ impl<'a, A: Space> View<'a, A> {
         let own = A::project(self.model, n);
         let share = A::dot(own, own).sqrt();
         // A normal perpendicular to the plane of a planar chain.
-        if share < 1e-12 {
+        if share < ACROSS {
             return Ok(None);
         }
         let contact = self.kin.contact(point, own * (1.0 / share), &[])?;
@@ -274,7 +280,7 @@ impl<'a, A: Space> View<'a, A> {
 /// H⁺: H is singular for planar arms, whose tip moves in two directions only.
 pub(crate) fn pseudo_inverse(h: Matrix3<f64>) -> Matrix3<f64> {
     let eigen = h.symmetric_eigen();
-    let least = eigen.eigenvalues.max() * 1e-12;
+    let least = eigen.eigenvalues.max() * SINGULAR;
     let inverse = eigen.eigenvalues.map(|x| if x > least { 1.0 / x } else { 0.0 });
     eigen.eigenvectors * Matrix3::from_diagonal(&inverse) * eigen.eigenvectors.transpose()
 }

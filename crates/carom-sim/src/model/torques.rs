@@ -1,0 +1,102 @@
+//! Joint forces without feedback: none, constant ones, those of a table, and those that balance gravity.
+
+use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
+use crate::error::{SimError, require};
+use crate::state::{Space, View, between, next_of};
+
+/// Motors off.
+pub(super) struct Off;
+
+/// The joint forces that balance gravity.
+pub(super) struct GravityCompensation;
+
+/// Joint forces at given times, interpolated linearly, constant before the first and after the last time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TorqueTable {
+    /// Ascending times, s.
+    pub times: Vec<f64>,
+    /// Joint forces at each time, length nv; N m or N.
+    pub forces: Vec<Vec<f64>>,
+}
+
+impl ControlLaw for Off {
+    fn name(&self) -> &str {
+        "off"
+    }
+
+    fn drive<A: Space>(&self, _: &Asked, _: Body<A>, _: State, _: Add) -> Result<(), SimError> {
+        Ok(())
+    }
+}
+
+/// Constant joint forces.
+impl ControlLaw for Vec<f64> {
+    fn name(&self) -> &str {
+        "constant"
+    }
+
+    fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
+        vec![("torque", Part::V(self))]
+    }
+
+    fn has_parameters(&self) -> bool {
+        true
+    }
+
+    fn drive<A: Space>(&self, _: &Asked, _: Body<A>, _: State, add: Add) -> Result<(), SimError> {
+        self.iter().enumerate().for_each(|(i, force)| add(i, *force));
+        Ok(())
+    }
+}
+
+impl ControlLaw for TorqueTable {
+    fn name(&self) -> &str {
+        "torque-file"
+    }
+
+    fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
+        self.forces.iter_mut().map(|row| ("tau", Part::V(row))).collect()
+    }
+
+    fn check(&self, _: &Driven) -> Result<(), SimError> {
+        let Self { times, forces } = self;
+        let rule = "it must be the number of times, and at least 1";
+        let paired = times.len() == forces.len() && !times.is_empty();
+        require(paired, "number of rows of the torque table", forces.len() as f64, rule)?;
+        let rule = "the times of a torque table must ascend";
+        times.windows(2).try_for_each(|pair| require(pair[0] < pair[1], "time in the torque table", pair[1], rule))
+    }
+
+    fn is_steady(&self) -> bool {
+        false
+    }
+
+    fn next_kink(&self, time: f64) -> Option<f64> {
+        next_of(&self.times, time)
+    }
+
+    fn drive<A: Space>(&self, asked: &Asked, _: Body<A>, (_, qd): State, add: Add) -> Result<(), SimError> {
+        let (before, after, share) = between(&self.times, asked.time);
+        let (before, after) = (&self.forces[before], &self.forces[after]);
+        (0..qd.len()).for_each(|i| add(i, before[i] + (after[i] - before[i]) * share));
+        Ok(())
+    }
+}
+
+impl ControlLaw for GravityCompensation {
+    fn name(&self) -> &str {
+        "gravity-compensation"
+    }
+
+    fn drive<A: Space>(
+        &self,
+        asked: &Asked,
+        (model, workspace): Body<A>,
+        (q, _): State,
+        add: Add,
+    ) -> Result<(), SimError> {
+        let forces = View::<A>::new(model, workspace, q)?.gravity_force(asked.gravity);
+        asked.motors.iter().for_each(|motor| add(motor.v, forces[motor.v]));
+        Ok(())
+    }
+}

@@ -1,0 +1,122 @@
+//! The numbers by which a plan decides: bounds, equal corners, and the fastest rate.
+
+use crate::contact::{Compliance, Moving, Touch, TouchKind, friction_bound};
+use crate::error::SimError;
+use crate::model::{Drive, Simulation, motors};
+use crate::motion::Motion;
+use crate::state::View;
+use carom_chain::{Chain, Coordinates, JointInfo, PlanarChain, Spatial};
+use nalgebra::{DMatrix, Matrix3};
+
+/// Positions and directions of corners that differ by less, as a share of the distance from the origin of the link and of 1, are equal:
+/// some hundred times the rounding of a pose after a turn into the plane.
+pub(super) const SAME: f64 = 1e-12;
+
+/// Largest penetration, m, of the compliant touch with the smallest gap, if it were hit at the start pose and velocity.
+pub(super) fn depth_at_start(sim: &Simulation, q: &[f64], qd: &[f64]) -> Result<f64, SimError> {
+    let mut motion = Motion::<Spatial<f64>>::new(sim, &sim.chain);
+    let mut nearest: Option<(f64, f64)> = None;
+    for (k, touch) in sim.touches.iter().enumerate() {
+        let Some(compliance) = touch.contact.compliance else { continue };
+        let (gap, rate, _) = motion.closing(k, q, qd, 0.0)?;
+        if nearest.is_none_or(|(least, _)| gap < least) {
+            let speed = (-rate).max(Compliance::SLOWEST);
+            let mass = motion.effective_mass(k, q, 0.0)?;
+            nearest =
+                Some((gap, compliance.normal(touch.contact.law.restitution())?.greatest_penetration(speed, mass)));
+        }
+    }
+    Ok(nearest.map_or(0.0, |(_, depth)| depth))
+}
+
+/// Friction bound of the touch with the smallest gap, if it were hit at the start pose and velocity.
+pub(super) fn bound_at_start(
+    sim: &Simulation,
+    q: &[f64],
+    qd: &[f64],
+    [mu, e]: [f64; 2],
+) -> Result<Option<f64>, SimError> {
+    let mut workspace = sim.chain.workspace();
+    let couplings = sim.couplings::<Spatial<f64>>(&sim.chain);
+    let mut view = View::closed_by(&sim.chain, &mut workspace, q, &couplings)?;
+    let near = sim.touches.iter().map(|touch| touch.at(&view, q, 0.0)).filter(|at| at.surface.is_some() && at.counts());
+    let Some(place) = near.min_by(|a, b| a.gap.total_cmp(&b.gap)).and_then(|at| at.surface) else {
+        return Ok(None);
+    };
+    let jacobian = place.jacobian(&view);
+    let response = view.responses(&jacobian)?;
+    let delassus: Matrix3<f64> = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
+    let u = place.velocity(&view, qd)?;
+    let approach = (-place.normal.dot(&u)).max(0.0);
+    let speed = u.norm();
+    Ok((speed > 0.0).then(|| friction_bound(&delassus, &place.normal, approach, e, mu) / speed))
+}
+
+/// The floating and planar joints, which no motor drives.
+pub(super) fn without_motor(chain: &Chain) -> Vec<&str> {
+    let free = |joint: &&JointInfo| matches!(&joint.coordinates, Coordinates::Own { v, .. } if v.len() > 1);
+    chain.joints().iter().filter(free).map(|joint| joint.name.as_str()).collect()
+}
+
+/// The touches without the corners that differ from another one only perpendicular to the plane.
+pub(super) fn merged(touches: &[Touch], flat: &PlanarChain) -> Vec<Touch> {
+    let normal = flat.plane.normal;
+    let mut kept: Vec<Touch> = Vec::new();
+    for touch in touches {
+        let shadow = |touch: &Touch| match &touch.kind {
+            TouchKind::Ball { shape, centre, radius, normal: n, .. } if n.dot(&normal).abs() < SAME => {
+                Some((shape.frame(), flat.point(shape.frame(), *centre).position, *radius, centre.norm()))
+            }
+            _ => None,
+        };
+        // Of compliant corners each has its own force.
+        let own = shadow(touch).filter(|_| touch.contact.compliance.is_none());
+        let twin = |other: &Touch| {
+            let (Some(a), Some(b)) = (own, shadow(other)) else { return false };
+            a.0 == b.0
+                && (a.1 - b.1).norm() <= SAME * a.3
+                && a.2 == b.2
+                && other.surface == touch.surface
+                && !touch.motion.as_ref().is_some_and(Moving::turns)
+                && other.contact == touch.contact
+        };
+        if !kept.iter().any(twin) {
+            kept.push(touch.clone());
+        }
+    }
+    kept
+}
+
+/// An estimate of the fastest rate of drive and damping, 1/s: for M ẍ + D ẋ + K x = 0 the larger of the largest eigenvalue
+/// of M⁻¹D and the root of that of M⁻¹K.
+pub(super) fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
+    let chain = &simulation.chain;
+    let drives = || [Some(&simulation.drive), simulation.after_impact.as_ref()].into_iter().flatten();
+    let tracked = drives().flat_map(Drive::laws).map(|law| law.rate()).fold(0.0, f64::max);
+    let (mut stiffness, mut damping) = (vec![0.0; chain.nv()], simulation.damping());
+    for motor in motors(chain) {
+        let gains =
+            |pick: fn((f64, f64)) -> f64| drives().map(|drive| pick(drive.law().gains(motor.v))).fold(0.0, f64::max);
+        stiffness[motor.v] += gains(|(p, _)| p);
+        damping[motor.v] += gains(|(_, d)| d);
+    }
+    for spring in simulation.springs_at() {
+        stiffness[spring.v] += spring.stiffness;
+        damping[spring.v] += spring.damping;
+    }
+    if stiffness.iter().chain(&damping).all(|x| *x == 0.0) {
+        return Ok(tracked);
+    }
+    let mut workspace = chain.workspace();
+    let mut mass = workspace.update(chain, q)?.mass_matrix();
+    mass.fill_upper_triangle_with_lower_triangle();
+    let largest = |diagonal: &[f64]| {
+        let root = DMatrix::from_diagonal(&nalgebra::DVector::from_iterator(
+            diagonal.len(),
+            diagonal.iter().map(|d| d.sqrt()),
+        ));
+        let Some(inverse) = mass.clone().cholesky().map(|cholesky| cholesky.inverse()) else { return 0.0 };
+        (&root * inverse * &root).symmetric_eigenvalues().max().max(0.0)
+    };
+    Ok(largest(&damping).max(largest(&stiffness).sqrt()).max(tracked))
+}
