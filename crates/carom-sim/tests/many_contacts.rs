@@ -303,7 +303,7 @@ fn a_lift_off_within_a_step_is_seen() {
         let mut sim = simulation(chain.clone(), &[("floor", Vector3::z())], 0.0);
         sim.tolerance = tolerance;
         let gains = |k: f64| Gains::from(vec![0.0, k]);
-        sim.drive = Drive::Pd { kp: gains(stiffness), kd: gains(0.0), target: vec![0.0; 2] };
+        sim.drive = Drive::Pd(carom_sim::Pd { kp: gains(stiffness), kd: gains(0.0), target: vec![0.0; 2] });
         let amplitude = (1.0 + excess) * whole * G / stiffness;
         // From 0.3 rad after the highest point, through the lowest one.
         let phase = std::f64::consts::PI + 0.3;
