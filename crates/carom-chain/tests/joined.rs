@@ -3,12 +3,8 @@
 
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, ChainError, Coordinates, Placed};
+use carom_testing::files::robot_with;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-
-fn robot(name: &str, floating_base: bool) -> Chain {
-    let file = format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"));
-    Chain::from_urdf_file_with(file, &LoadOptions { floating_base, ..Default::default() }).unwrap()
-}
 
 /// A robot with a joint that mimics another.
 fn gripper() -> Chain {
@@ -51,10 +47,10 @@ struct Cell {
 
 fn cell() -> Cell {
     let parts = vec![
-        ("ball", robot("ball", true), Isometry3::identity()),
-        ("arm", robot("arm7", false), place(1.5, [0.4, -0.7, 1.1])),
+        ("ball", robot_with("ball", true), Isometry3::identity()),
+        ("arm", robot_with("arm7", false), place(1.5, [0.4, -0.7, 1.1])),
         ("grip", gripper(), place(-2.0, [0.1, 0.2, -0.3])),
-        ("flat", robot("planar2", false), place(4.0, [1.2, 0.0, 0.0])),
+        ("flat", robot_with("planar2", false), place(4.0, [1.2, 0.0, 0.0])),
     ];
     let placed = parts.iter().map(|(name, chain, pose)| Placed { name, chain, pose: *pose });
     let joined = Chain::join("cell", &placed.collect::<Vec<_>>()).unwrap();
@@ -151,7 +147,7 @@ fn joints_are_named_by_robot_and_followers_follow_their_own_robot() {
 
 #[test]
 fn robots_of_one_plane_are_planar_and_others_are_refused_by_joint() {
-    let arm = robot("planar2", false);
+    let arm = robot_with("planar2", false);
     let join = |rpy: [f64; 3]| {
         let robots = [("a", place(0.0, [0.0; 3])), ("b", place(1.0, rpy))];
         Chain::join("two", &robots.map(|(name, pose)| Placed { name, chain: &arm, pose })).unwrap()
@@ -163,7 +159,7 @@ fn robots_of_one_plane_are_planar_and_others_are_refused_by_joint() {
 
 #[test]
 fn names_that_would_be_ambiguous_are_refused() {
-    let arm = robot("planar2", false);
+    let arm = robot_with("planar2", false);
     for names in [["a", "a"], ["a", ""], ["a", "b/c"]] {
         let robots = names.map(|name| Placed { name, chain: &arm, pose: Isometry3::identity() });
         let refused = Chain::join("two", &robots);

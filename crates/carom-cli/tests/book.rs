@@ -2,6 +2,7 @@
 //! targets.
 #![cfg(unix)]
 
+use carom_testing::files::Folder;
 use pulldown_cmark::{CodeBlockKind, Event, HeadingLevel, Options, Parser, Tag, TagEnd};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -76,12 +77,8 @@ fn printed_outputs_of_the_book_are_those_of_carom() {
     let path = format!("{}:{}", carom.parent().unwrap().display(), std::env::var("PATH").unwrap());
     let (mut compared, mut pictures) = (0, 0);
     for page in markdown("book/src") {
-        let name = page.file_stem().unwrap().to_str().unwrap();
-        let desk = std::env::temp_dir().join(format!("carom-book-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&desk).unwrap();
-        for folder in ["robots", "scenes", "studies", "docs"] {
-            std::os::unix::fs::symlink(Path::new(ROOT).join(folder), desk.join(folder)).unwrap();
-        }
+        let desk = Folder::new();
+        desk.link(&["robots", "scenes", "studies", "docs"]);
         let blocks = code_blocks(&std::fs::read_to_string(&page).unwrap());
         for (k, (language, script, line)) in blocks.iter().enumerate().filter(|(_, block)| block.0 == "sh") {
             let place = format!("{}:{line}", page.display());
@@ -107,7 +104,6 @@ fn printed_outputs_of_the_book_are_those_of_carom() {
                 pictures += 1;
             }
         }
-        std::fs::remove_dir_all(&desk).unwrap();
     }
     assert!(pictures >= 3, "only {pictures} pictures were compared");
     assert!(compared > 10, "only {compared} outputs were compared: the pages are expected in book/src");

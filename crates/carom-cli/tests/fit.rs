@@ -1,20 +1,17 @@
 //! Tests of `carom fit` as a process: the three kinds of data, the output, refusals with their messages.
 
+use carom_testing::files::Folder;
 use serde_json::{Value, json};
-use std::path::PathBuf;
 use std::process::Command;
 
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-
 /// A folder of its own for each test, removed when the test ends.
-struct Desk(PathBuf);
+struct Desk(Folder);
 
 impl Desk {
-    fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("carom-fit-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        for robot in ["box.urdf", "planar2.urdf"] {
-            std::fs::copy(format!("{ROOT}/robots/{robot}"), folder.join(robot)).unwrap();
+    fn new() -> Self {
+        let folder = Folder::new();
+        for robot in ["robots/box.urdf", "robots/planar2.urdf"] {
+            folder.copy(robot);
         }
         Self(folder)
     }
@@ -45,12 +42,6 @@ impl Desk {
     }
 }
 
-impl Drop for Desk {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
 /// A ball of mass 1 strikes with velocity u. H is the identity, so u⁺ = (u_t − μ(1+e)|u_n| sign u_t, −e u_n) while it slips.
 fn jump(u: [f64; 2]) -> Value {
     let (e, mu) = (0.5, 0.2);
@@ -68,7 +59,7 @@ fn number(value: &Value) -> f64 {
 
 #[test]
 fn fit_to_exact_jumps_recovers_the_coefficients() {
-    let desk = Desk::new("numbers");
+    let desk = Desk::new();
     desk.lines("jumps.jsonl", &jumps());
     let fit = desk.answer("fit --velocities jumps.jsonl --json");
     assert_eq!(fit["fitted_to"], "velocities");
@@ -93,7 +84,7 @@ fn fit_to_exact_jumps_recovers_the_coefficients() {
 /// Joint velocities of planar2 before and after ten impacts, computed by `carom impact`.
 #[test]
 fn fit_to_joint_velocities_recovers_the_coefficients() {
-    let desk = Desk::new("joints");
+    let desk = Desk::new();
     let state = |k: u32| {
         let x = f64::from(k);
         json!({"q": [0.5 + 0.1 * x, -1.0 - 0.05 * x], "qd": [-0.4 + 0.09 * x, 0.3 - 0.11 * x]})
@@ -120,7 +111,7 @@ fn fit_to_joint_velocities_recovers_the_coefficients() {
 
 #[test]
 fn fit_to_flights_of_a_box_recovers_the_coefficients() {
-    let desk = Desk::new("flights");
+    let desk = Desk::new();
     let pose = |z: f64, x: f64| json!([x, 0, z, 0, 0, 0, 1]);
     // A box that falls flat without rotating: no corner is lowest, so its centre is given as the contact point.
     let line = |speed: f64, slip: f64| {
@@ -159,7 +150,7 @@ fn impacts(count: u32) -> String {
 
 #[test]
 fn a_comparison_writes_tables_pictures_and_json() {
-    let desk = Desk::new("compare");
+    let desk = Desk::new();
     let data = desk.0.join("data/particle");
     std::fs::create_dir_all(&data).unwrap();
     std::fs::write(data.join("impacts_odd.csv"), impacts(20)).unwrap();
@@ -194,7 +185,7 @@ fn a_comparison_writes_tables_pictures_and_json() {
 
 #[test]
 fn data_that_cannot_be_fitted_are_refused() {
-    let desk = Desk::new("refused");
+    let desk = Desk::new();
     desk.lines("jumps.jsonl", &jumps());
     desk.lines("empty.jsonl", &[]);
     let laws = "whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith";

@@ -1,6 +1,7 @@
 //! Tests of `carom map` as a process: rows that agree with `carom impact`, refusals that name file, key, value and rule, and
 //! interruptions.
 
+use carom_testing::files::Folder;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
@@ -9,15 +10,13 @@ use std::time::Duration;
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 /// A folder of its own for each test, removed when the test ends.
-struct Desk(PathBuf);
+struct Desk(Folder);
 
 impl Desk {
-    fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("carom-map-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let desk = Self(folder);
-        std::fs::copy(format!("{ROOT}/robots/planar2.urdf"), desk.0.join("planar2.urdf")).unwrap();
-        desk
+    fn new() -> Self {
+        let folder = Folder::new();
+        folder.copy("robots/planar2.urdf");
+        Self(folder)
     }
 
     fn study(&self, change: impl Fn(&str) -> String) {
@@ -46,12 +45,6 @@ impl Desk {
     }
 }
 
-impl Drop for Desk {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
 const STUDY: &str = r#"
 [robot]
 urdf = "planar2.urdf"
@@ -76,7 +69,7 @@ quantities = ["tangential_after", "impulse", "qd_minus", "qd_plus", "mode_margin
 /// The last digits differ, since `carom impact` computes in space and the map in the plane.
 #[test]
 fn rows_of_a_map_agree_with_carom_impact() {
-    let desk = Desk::new("rows");
+    let desk = Desk::new();
     desk.study(str::to_owned);
     let ran = desk.run("map s.toml --out m.csv --json");
     assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
@@ -119,7 +112,7 @@ fn rows_of_a_map_agree_with_carom_impact() {
 
 #[test]
 fn invalid_studies_are_refused_with_file_key_value_and_rule() {
-    let desk = Desk::new("refused");
+    let desk = Desk::new();
     let values = "a number, a list of numbers, or { from, to, count }";
     for (old, new, message) in [
         ("count = 6 }", "cuont = 6 }", "line 7: unknown field `cuont`, expected one of `from`, `to`, `count`, `unit`; did you mean `count`?".to_owned()),
@@ -148,7 +141,7 @@ fn invalid_studies_are_refused_with_file_key_value_and_rule() {
 
 #[test]
 fn an_unknown_quantity_is_refused_with_the_nearest_name() {
-    let desk = Desk::new("nearest");
+    let desk = Desk::new();
     desk.study(|text| text.replace("\"impulse\"", "\"impulses\""));
     let said = String::from_utf8(desk.run("map s.toml --out x.csv").stderr).unwrap();
     assert!(said.starts_with(
@@ -158,7 +151,7 @@ fn an_unknown_quantity_is_refused_with_the_nearest_name() {
 
 #[test]
 fn invalid_shards_and_threads_are_usage_errors() {
-    let desk = Desk::new("usage");
+    let desk = Desk::new();
     desk.study(str::to_owned);
     for args in [
         "--out x.csv --shard 0/3",
@@ -177,7 +170,7 @@ fn invalid_shards_and_threads_are_usage_errors() {
 #[cfg(unix)]
 #[test]
 fn an_interrupted_map_is_resumed_to_the_same_bytes() {
-    let desk = Desk::new("interrupt");
+    let desk = Desk::new();
     // The map has eight groups of rows; the first is written while the third is computed, so the interruption comes early.
     desk.study(|text| text.replace("count = 7", "count = 512").replace("count = 6", "count = 512"));
     for name in ["m.parquet", "m.csv"] {
@@ -215,7 +208,7 @@ fn an_interrupted_map_is_resumed_to_the_same_bytes() {
 #[cfg(unix)]
 #[test]
 fn parts_made_by_the_recipes_of_the_book_are_the_whole_map() {
-    let desk = Desk::new("recipes");
+    let desk = Desk::new();
     desk.study(|text| text.replace("count = 7", "count = 40"));
     std::fs::rename(desk.0.join("s.toml"), desk.0.join("study.toml")).unwrap();
     assert!(desk.run("map study.toml --out whole.csv").status.success());
@@ -270,7 +263,7 @@ fn parts_made_by_the_recipes_of_the_book_are_the_whole_map() {
 #[cfg(unix)]
 #[test]
 fn a_map_that_does_not_fit_on_the_disk_is_resumed_to_the_same_bytes() {
-    let desk = Desk::new("full");
+    let desk = Desk::new();
     // eight groups of rows each
     for (name, count) in [("m.parquet", 512), ("m.csv", 256)] {
         let count = format!("count = {count}");

@@ -1,25 +1,19 @@
 //! The book's pages on output files and commands name what real runs write.
 #![cfg(unix)]
 
+use carom_testing::files::{Folder, named, page};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
-fn page(name: &str) -> String {
-    std::fs::read_to_string(Path::new(ROOT).join("book/src").join(name)).unwrap()
-}
-
 /// A folder in which the presets are found, as in the root of the repository.
-fn folder(name: &str) -> PathBuf {
-    let desk = std::env::temp_dir().join(format!("carom-reference-{name}-{}", std::process::id()));
-    std::fs::create_dir_all(&desk).unwrap();
-    for presets in ["robots", "scenes", "studies", "docs"] {
-        std::os::unix::fs::symlink(Path::new(ROOT).join(presets), desk.join(presets)).unwrap();
-    }
+fn folder() -> Folder {
+    let desk = Folder::new();
+    desk.link(&["robots", "scenes", "studies", "docs"]);
     desk
 }
 
@@ -36,14 +30,6 @@ fn feed(desk: &Path, args: &str, input: &str) -> String {
 
 fn carom(desk: &Path, args: &str) -> String {
     feed(desk, args, "")
-}
-
-/// What stands in backticks at the beginning of the rows of the table under a heading, in order.
-fn named(page: &str, heading: &str) -> Vec<String> {
-    let mut lines = page.lines().skip_while(|line| *line != heading);
-    assert!(lines.next().is_some(), "the page has no heading {heading}");
-    let section = lines.take_while(|line| !line.starts_with('#'));
-    section.filter_map(|line| Some(line.strip_prefix("| `")?.split_once('`')?.0.to_owned())).collect()
 }
 
 fn header(file: &Path) -> Vec<String> {
@@ -63,20 +49,19 @@ fn general(column: &str) -> String {
 
 #[test]
 fn columns_of_a_simulation_are_those_of_the_page() {
-    let (page, desk) = (page("reference-output.md"), folder("simulation"));
+    let (page, desk) = (page("reference-output.md"), folder());
     let mut seen = BTreeSet::new();
     for scene in ["planar2", "bounce"] {
         carom(&desk, &format!("simulate scenes/{scene}.toml --csv {scene}.csv"));
         seen.extend(header(&desk.join(format!("{scene}.csv"))).iter().map(|column| general(column)));
     }
     assert_eq!(seen, named(&page, "## Simulation").into_iter().collect());
-    std::fs::remove_dir_all(desk).unwrap();
 }
 
 /// Studies in which each axis varies in turn, with every quantity of the page on study files.
 #[test]
 fn columns_of_a_map_are_those_of_the_pages() {
-    let (output, study, desk) = (page("reference-output.md"), page("reference-study.md"), folder("map"));
+    let (output, study, desk) = (page("reference-output.md"), page("reference-study.md"), folder());
     let axes = named(&output, "## Map");
     let quantities = named(&study, "### `quantities`");
     let wanted = quantities.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
@@ -116,12 +101,11 @@ fn columns_of_a_map_are_those_of_the_pages() {
     }
     let all: BTreeSet<String> = axes.into_iter().chain(quantities).collect();
     assert_eq!(seen, all);
-    std::fs::remove_dir_all(desk).unwrap();
 }
 
 #[test]
 fn columns_of_a_chart_and_of_the_paper_are_those_of_the_page() {
-    let (page, desk) = (page("reference-output.md"), folder("paper"));
+    let (page, desk) = (page("reference-output.md"), folder());
     carom(&desk, "chart scenes/planar2.toml --out chart.svg --budget 0.01");
     assert_eq!(header(&desk.join("chart.csv")), named(&page, "## Chart"));
     carom(&desk, "paper --out figures");
@@ -135,13 +119,12 @@ fn columns_of_a_chart_and_of_the_paper_are_those_of_the_page() {
         }
     }
     assert_eq!(tables, page.lines().filter(|line| line.starts_with("### `fig") || *line == "### `table1.csv`").count());
-    std::fs::remove_dir_all(desk).unwrap();
 }
 
 /// Every command stands on the page with its help, whole and as it is printed.
 #[test]
 fn help_of_every_command_is_on_the_page() {
-    let (page, desk) = (page("reference-cli.md"), folder("help"));
+    let (page, desk) = (page("reference-cli.md"), folder());
     let block = |command: &str| {
         let (_, after) = page.split_once(&format!("```sh\n{command}\n```\n\n```text\n")).unwrap_or_else(|| {
             panic!("the page has no block `{command}` with a block of text directly after it");
@@ -161,7 +144,6 @@ fn help_of_every_command_is_on_the_page() {
     for name in names {
         assert_eq!(lines(&block(&format!("carom {name} --help"))), lines(&carom(&desk, &format!("{name} --help"))));
     }
-    std::fs::remove_dir_all(desk).unwrap();
 }
 
 /// A page that names a test as `file::name`, or a source file alone.
@@ -200,7 +182,7 @@ fn paths(value: &Value, at: &str, found: &mut BTreeSet<String>) {
 /// that is not optional has its key in an answer.
 #[test]
 fn keys_of_answers_are_those_of_the_page() {
-    let (page, desk) = (page("reference-cli.md"), folder("json"));
+    let (page, desk) = (page("reference-cli.md"), folder());
     let state = r#"{"q":[0.7854,-1.5708],"qd":[-0.15,0.6],"tau":[0,0],"qdd":[0,0]}"#;
     let kane = r#"{"delassus":[[2.440338,1.521309],[1.521309,1.009560]],"u":[-0.267174,-0.134202]}"#;
     let jumps: String = (0..12)
@@ -270,5 +252,4 @@ fn keys_of_answers_are_those_of_the_page() {
             assert!(seen.contains(key), "carom {command} has no key {key}, which is on the page");
         }
     }
-    std::fs::remove_dir_all(desk).unwrap();
 }

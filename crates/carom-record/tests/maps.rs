@@ -2,20 +2,15 @@
 
 use carom_record::{RecordError, Target, record_map};
 use carom_study::Study;
-use std::path::{Path, PathBuf};
+use carom_testing::files::Folder;
+use std::path::Path;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 /// A folder of its own for each test, removed when the test ends.
-struct Desk(PathBuf);
+struct Desk(Folder);
 
 impl Desk {
-    fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("carom-record-map-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        Self(folder)
-    }
-
     /// The study of the README with `count` tip positions along each axis.
     fn study(&self, count: usize) -> Study {
         let text = std::fs::read_to_string(format!("{ROOT}/studies/reversal.toml")).unwrap();
@@ -26,19 +21,13 @@ impl Desk {
     }
 }
 
-impl Drop for Desk {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
 fn size(path: &Path) -> u64 {
     std::fs::metadata(path).unwrap().len()
 }
 
 #[test]
 fn a_recorded_map_contains_its_images_and_points() {
-    let desk = Desk::new("whole");
+    let desk = Desk(Folder::new());
     let study = desk.study(31);
     let path = desk.0.join("m.rrd");
     record_map(&study, "class", &Target::File(path.clone())).unwrap();
@@ -57,7 +46,7 @@ fn a_recorded_map_contains_its_images_and_points() {
 
 #[test]
 fn maps_that_cannot_be_recorded_are_refused_and_no_file_is_written() {
-    let desk = Desk::new("nothing");
+    let desk = Desk(Folder::new());
     let path = desk.0.join("m.rrd");
     for (count, column, why) in
         [(5, "clas", "did you mean \"class\"?"), (800, "class", "rows: a recording holds 1048576 at most")]

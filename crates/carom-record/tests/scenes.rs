@@ -2,31 +2,20 @@
 
 use carom_record::{RecordError, SceneRecorder, Target};
 use carom_sim::{Sampling, Scene, Seen};
-use std::path::{Path, PathBuf};
+use carom_testing::files::Folder;
+use std::path::Path;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 /// A folder of its own for each test, removed when the test ends.
-struct Desk(PathBuf);
+struct Desk(Folder);
 
 impl Desk {
-    fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("carom-record-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        Self(folder)
-    }
-
     fn files(&self) -> Vec<String> {
         let mut names: Vec<String> =
             self.0.read_dir().unwrap().map(|file| file.unwrap().file_name().into_string().unwrap()).collect();
         names.sort();
         names
-    }
-}
-
-impl Drop for Desk {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
@@ -44,7 +33,7 @@ fn record(scene: &Scene, path: &Path, every: f64) -> Result<(), RecordError> {
 
 #[test]
 fn recordings_of_scenes_begin_with_the_header_of_the_format() {
-    let desk = Desk::new("good");
+    let desk = Desk(Folder::new());
     for name in ["planar2", "ball", "table", "catch"] {
         let path = desk.0.join(format!("{name}.rrd"));
         record(&scene(name), &path, 0.004).unwrap();
@@ -55,7 +44,7 @@ fn recordings_of_scenes_begin_with_the_header_of_the_format() {
 
 #[test]
 fn the_file_grows_linearly_with_the_number_of_samples() {
-    let desk = Desk::new("linear");
+    let desk = Desk(Folder::new());
     let size = |duration: f64| {
         let path = desk.0.join("x.rrd");
         record(&Scene { duration, ..scene("planar2") }, &path, 1e-4).unwrap();
@@ -67,7 +56,7 @@ fn the_file_grows_linearly_with_the_number_of_samples() {
 
 #[test]
 fn an_older_recording_stays_until_the_new_one_is_complete() {
-    let desk = Desk::new("older");
+    let desk = Desk(Folder::new());
     let path = desk.0.join("x.rrd");
     std::fs::write(&path, "older").unwrap();
     let scene = scene("planar2");
@@ -88,7 +77,7 @@ fn an_older_recording_stays_until_the_new_one_is_complete() {
 
 #[test]
 fn a_file_that_cannot_be_written_is_named_and_leaves_no_partial_file() {
-    let desk = Desk::new("bad");
+    let desk = Desk(Folder::new());
     let path = desk.0.join("no folder").join("x.rrd");
     let error = record(&scene("planar2"), &path, 0.1).unwrap_err();
     assert!(matches!(&error, RecordError::Unwritable { path: named, .. } if *named == path), "{error}");
@@ -123,7 +112,7 @@ fn ball_with(desk: &Desk, elements: &str) -> Vec<u8> {
 /// A link is drawn by its visual shapes; a mesh of them that cannot be read is told, and the collision shapes are drawn instead.
 #[test]
 fn links_are_drawn_by_their_visual_shapes() {
-    let desk = Desk::new("visual");
+    let desk = Desk(Folder::new());
     let holds = |bytes: &[u8], name: &str| bytes.windows(name.len()).any(|window| window == name.as_bytes());
     let plain = ball_with(&desk, "");
     assert!(holds(&plain, "Ellipsoids3D") && !holds(&plain, "Boxes3D:"));
@@ -137,7 +126,7 @@ fn links_are_drawn_by_their_visual_shapes() {
 /// The viewer repeats a run from its first event on; a run without events has nothing to repeat.
 #[test]
 fn replays_select_the_time_from_the_first_event() {
-    let desk = Desk::new("replay");
+    let desk = Desk(Folder::new());
     let selects = |name: &str, duration: f64| {
         let path = desk.0.join("x.rrd");
         record(&Scene { duration, ..scene(name) }, &path, 0.02).unwrap();
@@ -151,7 +140,7 @@ fn replays_select_the_time_from_the_first_event() {
 /// Each contact that lasts has a lane of its own, and its force an arrow; contacts that never close have none.
 #[test]
 fn lasting_contacts_have_lanes_and_forces() {
-    let desk = Desk::new("lanes");
+    let desk = Desk(Folder::new());
     let path = desk.0.join("x.rrd");
     let bytes = |name: &str, duration: f64| {
         record(&Scene { duration, ..scene(name) }, &path, 0.02).unwrap();

@@ -34,7 +34,7 @@ fn dry_friction_stops_a_slider_at_the_closed_form_time_and_place() {
     let sim = free(slider(r#"<dynamics friction="3"/>"#));
     let run = sim.run(&[0.0], &[1.5], 3.0).unwrap();
     let stops = &run.events[0];
-    assert!(matches!(&stops.kind, EventKind::Joint { joint, holds: true } if joint == "slide"), "{stops:?}");
+    assert!(matches!(&stops.kind, EventKind::Joint { joint, holds: true } if joint == "jball"), "{stops:?}");
     assert!((stops.time - 2.0 * 1.5 / 3.0).abs() < 1e-9);
     assert!((run.summary.last.q[0] - 0.5 * 2.0 * 1.5 * 1.5 / 3.0).abs() < 1e-9);
     assert_eq!(run.summary.last.qd[0], 0.0);

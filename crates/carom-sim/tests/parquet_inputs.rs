@@ -1,12 +1,13 @@
 //! Tables of scenes as Parquet files: the same numbers as in CSV, by column name, and messages with the row.
 
 use carom_sim::{Scene, SimError};
+use carom_testing::files::Folder;
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::data_type::DoubleType;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 type Column<'a> = (&'a str, &'a [f64]);
@@ -42,15 +43,13 @@ fn write_csv(path: &Path, columns: &[Column]) {
 }
 
 /// A folder with the presets' robots that is removed at the end.
-struct Desk(PathBuf);
+struct Desk(Folder);
 
 impl Desk {
-    fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("carom-parquet-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        for robot in ["planar2", "ball"] {
-            let preset = format!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/{}.urdf"), robot);
-            std::fs::copy(preset, folder.join(format!("{robot}.urdf"))).unwrap();
+    fn new() -> Self {
+        let folder = Folder::new();
+        for robot in ["robots/planar2.urdf", "robots/ball.urdf"] {
+            folder.copy(robot);
         }
         Self(folder)
     }
@@ -69,18 +68,12 @@ impl Desk {
     }
 }
 
-impl Drop for Desk {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
 const ARM: &str = "[robot]\nurdf = \"planar2.urdf\"\nq = [0.3, -0.4]\n[run]\nduration = 0.5\n";
 
 /// m Δv is the integral of a force that is linear between the rows.
 #[test]
 fn a_force_from_a_parquet_table_has_the_impulse_of_its_integral() {
-    let desk = Desk::new("force");
+    let desk = Desk::new();
     let scene = "[robot]\nurdf = \"ball.urdf\"\nfloating = true\nq = [0, 0, 0, 0, 0, 0, 1]\n[[force]]\nlink = \"ball\"\n\
                  file = \"TABLE\"\n[run]\nduration = 1\ngravity = [0, 0, 0]\ntolerance = 1e-11\n";
     let columns: [Column; 3] = [("fz", &[0.0, 0.3, 0.1]), ("time", &[0.0, 0.4, 1.0]), ("fx", &[0.2, 0.2, 0.2])];
@@ -96,7 +89,7 @@ fn a_force_from_a_parquet_table_has_the_impulse_of_its_integral() {
 /// zstd is the default of polars, snappy that of most other writers.
 #[test]
 fn compressed_tables_are_the_same_as_uncompressed_ones() {
-    let desk = Desk::new("compressed");
+    let desk = Desk::new();
     let columns: [Column; 3] =
         [("elbow", &[0.0, 0.02, -0.01]), ("time", &[0.0, 0.2, 0.5]), ("shoulder", &[0.1, 0.0, 0.05])];
     let scene = format!("{ARM}controller = \"torque-file\"\ntorque_file = \"TABLE\"\n");
@@ -109,7 +102,7 @@ fn compressed_tables_are_the_same_as_uncompressed_ones() {
 
 #[test]
 fn torques_references_and_velocities_are_the_same_from_parquet_and_csv() {
-    let desk = Desk::new("same");
+    let desk = Desk::new();
     let times = [0.0, 0.2, 0.5];
     let columns: [Column; 3] = [("elbow", &[0.0, 0.02, -0.01]), ("time", &times), ("shoulder", &[0.1, 0.0, 0.05])];
     let free = desk.last(ARM).unwrap();
@@ -131,7 +124,7 @@ fn torques_references_and_velocities_are_the_same_from_parquet_and_csv() {
 
 #[test]
 fn invalid_parquet_tables_are_refused_with_their_row_or_column() {
-    let desk = Desk::new("refused");
+    let desk = Desk::new();
     let scene = format!("{ARM}controller = \"torque-file\"\ntorque_file = \"t.parquet\"\n");
     let file = desk.0.join("t.parquet");
     let said = || desk.last(&scene).unwrap_err().to_string();

@@ -3,29 +3,24 @@
 
 use carom_impact::{Damping, LAW_NAMES, NormalForce};
 use carom_sim::{Scene, SeveralLaw};
+use carom_testing::files::{self, Folder};
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+fn named(page: &str, heading: &str) -> BTreeSet<String> {
+    files::named(page, heading).into_iter().collect()
+}
 
 fn page() -> String {
-    std::fs::read_to_string(Path::new(ROOT).join("book/src/reference-scene.md")).unwrap()
+    files::page("reference-scene.md")
 }
 
 /// A folder beside a link to the presets, in which scenes can be written as in `scenes/`.
-fn folder(name: &str) -> PathBuf {
-    let desk = std::env::temp_dir().join(format!("carom-scene-reference-{name}-{}", std::process::id()));
+fn folder() -> Folder {
+    let desk = Folder::new();
     std::fs::create_dir_all(desk.join("scenes")).unwrap();
-    std::os::unix::fs::symlink(Path::new(ROOT).join("robots"), desk.join("robots")).unwrap();
+    desk.link(&["robots"]);
     desk
-}
-
-/// What stands in backticks at the beginning of the rows of the table under a heading.
-fn named(page: &str, heading: &str) -> BTreeSet<String> {
-    let mut lines = page.lines().skip_while(|line| *line != heading);
-    assert!(lines.next().is_some(), "the page has no heading {heading}");
-    let section = lines.take_while(|line| !line.starts_with('#'));
-    section.filter_map(|line| Some(line.strip_prefix("| `")?.split_once('`')?.0.to_owned())).collect()
 }
 
 /// The names that the parser would accept in place of `zzz`.
@@ -43,7 +38,7 @@ fn expected(folder: &Path, text: &str) -> BTreeSet<String> {
 
 #[test]
 fn page_names_the_keys_and_values_that_the_parser_accepts() {
-    let (page, desk) = (page(), folder("keys"));
+    let (page, desk) = (page(), folder());
     let robot = "[robot]\nurdf = \"x\"\nq = [0]\n";
     for (heading, text) in [
         ("## Tables", "zzz = 1".to_owned()),
@@ -83,7 +78,6 @@ fn page_names_the_keys_and_values_that_the_parser_accepts() {
         assert!(known.len() > 1, "{heading}: {known:?}");
         assert_eq!(named(&page, heading), known, "{heading}: the page on the left, the parser on the right");
     }
-    std::fs::remove_dir_all(desk).unwrap();
 }
 
 #[test]
@@ -98,7 +92,7 @@ fn page_names_the_laws_forces_and_damping_formulas() {
 
 #[test]
 fn examples_of_the_page_parse_and_can_be_planned() {
-    let (page, desk) = (page(), folder("examples"));
+    let (page, desk) = (page(), folder());
     let mut parsed = 0;
     for block in page.split("```toml\n").skip(1) {
         let text = block.split("```").next().unwrap();
@@ -110,5 +104,4 @@ fn examples_of_the_page_parse_and_can_be_planned() {
         parsed += 1;
     }
     assert_eq!(parsed, 3);
-    std::fs::remove_dir_all(desk).unwrap();
 }

@@ -3,13 +3,18 @@
 
 use carom_study::Study;
 use carom_study::map_study::CLASSES;
+use carom_testing::files;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
+fn named(page: &str, heading: &str) -> BTreeSet<String> {
+    files::named(page, heading).into_iter().collect()
+}
+
 fn page() -> String {
-    std::fs::read_to_string(Path::new(ROOT).join("book/src/reference-study.md")).unwrap()
+    files::page("reference-study.md")
 }
 
 /// A folder beside a link to the presets, in which studies can be written as in `studies/`.
@@ -24,14 +29,6 @@ fn read(folder: &Path, text: &str) -> Result<Study, String> {
     let file: PathBuf = folder.join("studies/probe.toml");
     std::fs::write(&file, text).unwrap();
     Study::from_file(&file).map_err(|e| e.to_string())
-}
-
-/// What stands in backticks at the beginning of the rows of the table under a heading.
-fn named(page: &str, heading: &str) -> BTreeSet<String> {
-    let mut lines = page.lines().skip_while(|line| *line != heading);
-    assert!(lines.next().is_some(), "the page has no heading {heading}");
-    let section = lines.take_while(|line| !line.starts_with('#'));
-    section.filter_map(|line| Some(line.strip_prefix("| `")?.split_once('`')?.0.to_owned())).collect()
 }
 
 #[test]

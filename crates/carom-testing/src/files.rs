@@ -19,6 +19,21 @@ pub fn text(of: &str) -> String {
     std::fs::read_to_string(path(of)).unwrap_or_else(|why| panic!("{of}: {why}"))
 }
 
+/// A page of the book.
+#[track_caller]
+pub fn page(name: &str) -> String {
+    text(&format!("book/src/{name}"))
+}
+
+/// What stands in backticks at the beginning of the rows of the table under a heading of a page, in order.
+#[track_caller]
+pub fn named(page: &str, heading: &str) -> Vec<String> {
+    let mut lines = page.lines().skip_while(|line| *line != heading);
+    assert!(lines.next().is_some(), "the page has no heading {heading}");
+    let section = lines.take_while(|line| !line.starts_with('#'));
+    section.filter_map(|line| Some(line.strip_prefix("| `")?.split_once('`')?.0.to_owned())).collect()
+}
+
 /// A robot of the repository.
 #[track_caller]
 pub fn robot(name: &str) -> Chain {
@@ -65,15 +80,27 @@ impl Folder {
         self.write(name.to_str().expect("a name in UTF-8"), text(of))
     }
 
-    /// The path of a file in the folder.
-    pub fn join(&self, name: &str) -> PathBuf {
-        self.0.join(name)
+    /// Makes folders of the repository appear in this one.
+    #[cfg(unix)]
+    #[track_caller]
+    pub fn link(&self, folders: &[&str]) {
+        for folder in folders {
+            std::os::unix::fs::symlink(path(folder), self.0.join(folder)).expect("a link");
+        }
     }
 }
 
 impl Default for Folder {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+impl std::ops::Deref for Folder {
+    type Target = Path;
+
+    fn deref(&self) -> &Path {
+        &self.0
     }
 }
 

@@ -3,32 +3,9 @@
 use crate::urdf_messages::texts::*;
 use carom_chain::ChainError;
 use carom_chain::urdf::{self, LoadOptions, Meshes, Shape};
+use carom_testing::files::Folder;
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
-
-/// A temporary folder, removed when the test ends.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("carom-urdf-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        Self(folder)
-    }
-
-    fn write(&self, file: &str, text: &str) -> PathBuf {
-        let file = self.0.join(file);
-        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
-        std::fs::write(&file, text).unwrap();
-        file
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
 
 fn mesh(name: &str) -> String {
     shape(&format!("<mesh filename='{name}' scale='1 2 3'/>"))
@@ -36,7 +13,7 @@ fn mesh(name: &str) -> String {
 
 #[test]
 fn mesh_paths_of_every_form_are_resolved() {
-    let folder = Folder::new("found");
+    let folder = Folder::new();
     let urdf = folder.write("arm_description/urdf/arm.urdf", "");
     let part = folder.write("arm_description/meshes/part one.stl", "");
     let other = folder.write("tools/gripper/x.stl", "");
@@ -67,7 +44,7 @@ fn missing(robot: &urdf::Robot) -> (String, String) {
 
 #[test]
 fn missing_meshes_are_warnings_left_out_by_option_and_refused_by_strict() {
-    let folder = Folder::new("missing");
+    let folder = Folder::new();
     let urdf = folder.write("arm/arm.urdf", "");
     let base = urdf.parent().unwrap().display().to_string();
     let everywhere =
@@ -103,7 +80,7 @@ fn missing_meshes_are_warnings_left_out_by_option_and_refused_by_strict() {
 
 #[test]
 fn packages_are_searched_for_in_given_folders_first() {
-    let folder = Folder::new("given");
+    let folder = Folder::new();
     let urdf = folder.write("arm/arm.urdf", &mesh("package://parts/x.stl"));
     let near = folder.write("arm/parts/x.stl", "");
     let far = folder.write("elsewhere/parts/x.stl", "");
@@ -134,7 +111,7 @@ fn unreadable_file_is_named_in_the_error() {
 /// strict files, and changes nothing else.
 #[test]
 fn visual_shapes_are_kept_with_their_colours() {
-    let folder = Folder::new("visual");
+    let folder = Folder::new();
     let mesh = folder.write("look/hull.dae", "");
     let text = "<robot name='r'><material name='red'><color rgba='1 0 0 1'/></material>
         <link name='a'>

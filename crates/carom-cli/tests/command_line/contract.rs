@@ -9,7 +9,7 @@ use std::time::Duration;
 
 #[test]
 fn every_answer_has_the_keys_of_the_contract() {
-    let desk = Desk::new("keys");
+    let desk = Desk::new();
     let report = &desk.answers("inspect planar2.urdf --json", "")[0];
     assert_eq!(
         keys(report),
@@ -106,7 +106,7 @@ fn every_answer_has_the_keys_of_the_contract() {
 
 #[test]
 fn inspect_reports_the_content_of_the_file() {
-    let desk = Desk::new("inspect");
+    let desk = Desk::new();
     let report = &desk.answers("inspect planar2.urdf --json", "")[0];
     for (key, value) in [
         ("name", json!("planar2")),
@@ -150,7 +150,7 @@ fn inspect_reports_the_content_of_the_file() {
 
 #[test]
 fn the_total_mass_of_a_massless_robot_is_zero() {
-    let desk = Desk::new("weightless");
+    let desk = Desk::new();
     desk.write("r.urdf", robot("<link name='a'/>"));
     let ran = desk.run("inspect r.urdf --json");
     done(&ran);
@@ -159,7 +159,7 @@ fn the_total_mass_of_a_massless_robot_is_zero() {
 
 #[test]
 fn every_law_has_an_answer_in_space() {
-    let desk = Desk::new("space");
+    let desk = Desk::new();
     let state = json!({"q": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7], "qd": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]});
     let args = "impact arm7.urdf --json --tip tip --normal -1,-0.2,-0.4 --restitution 0.35 --states -";
     let laws = ["frictionless", "whittaker", "newton", "poisson", "energetic", "chatterjee-ruina", "brach", "smith"];
@@ -181,7 +181,7 @@ fn every_law_has_an_answer_in_space() {
 
 #[test]
 fn tangential_restitution_acts_on_chatterjee_ruina_and_warns_with_other_laws() {
-    let desk = Desk::new("tangential");
+    let desk = Desk::new();
     let sphere = json!({"delassus": [[3.5, 0, 0], [0, 3.5, 0], [0, 0, 1]], "u": [0.6, -0.8, -1]});
     let args = "law --json --restitution 0.8 --friction 0.9 --problems - --law";
     for (options, v_t) in [("", 0.0), (" --tangential-restitution 0.5", -0.5), (" --tangential-restitution -1", 1.0)] {
@@ -198,7 +198,7 @@ fn tangential_restitution_acts_on_chatterjee_ruina_and_warns_with_other_laws() {
 
 #[test]
 fn laws_without_an_answer_are_listed_beside_the_answers_of_the_others() {
-    let desk = Desk::new("wedge");
+    let desk = Desk::new();
     let problem = json!({"delassus": [[1, 1], [1, 1]], "u": [-1, -1]});
     let args = "law --json --restitution 0.5 --friction 2 --problems - --law";
     let all = desk.answer(&format!("{args} all"), &problem);
@@ -217,7 +217,7 @@ fn laws_without_an_answer_are_listed_beside_the_answers_of_the_others() {
 
 #[test]
 fn joints_option_permutes_all_inputs_and_outputs() {
-    let desk = Desk::new("permuted");
+    let desk = Desk::new();
     let (file, asked) = (["shoulder", "elbow", "wrist"], ["wrist", "shoulder", "elbow"]);
     let place: Vec<usize> = asked.iter().map(|name| file.iter().position(|own| own == name).unwrap()).collect();
     let permuted = |x: &[f64]| -> Vec<f64> { place.iter().map(|&i| x[i]).collect() };
@@ -263,7 +263,7 @@ fn floater() -> String {
 
 #[test]
 fn floating_base_comes_first_or_where_joints_option_names_it() {
-    let desk = Desk::new("floating");
+    let desk = Desk::new();
     desk.write("r.urdf", floater());
     let (base_q, base_qd) = ([0.1, 0.2, 0.3, 0.0, 0.6, 0.0, 0.8], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
     let args = "dynamics r.urdf --floating --json --tip b --states -";
@@ -301,7 +301,7 @@ fn floating_base_comes_first_or_where_joints_option_names_it() {
 
 #[test]
 fn a_joint_of_the_file_named_root_joint_is_refused_with_floating() {
-    let desk = Desk::new("namesake");
+    let desk = Desk::new();
     desk.write("r.urdf", floater().replace("continuous_b", "root_joint"));
     let message = "r.urdf:1: joint 'root_joint': the floating base is added as a joint of this name: rename the joint, or \
                    load the robot without a floating base";
@@ -319,7 +319,7 @@ fn a_joint_of_the_file_named_root_joint_is_refused_with_floating() {
 
 #[test]
 fn joints_option_must_name_every_joint_but_a_floating_base() {
-    let desk = Desk::new("left-out");
+    let desk = Desk::new();
     let axis = r#"<axis xyz="1 0 0"/>"#;
     let arm = limb("b", "a", "continuous", axis) + &limb("c", "b", "continuous", axis);
     desk.write("r.urdf", robot(&format!(r#"<link name="a"/>{}"#, arm.replace("continuous_c", "root_joint"))));
@@ -331,7 +331,7 @@ fn joints_option_must_name_every_joint_but_a_floating_base() {
 
 #[test]
 fn each_line_of_a_pipe_is_answered_before_the_next_is_read() {
-    let desk = Desk::new("stream");
+    let desk = Desk::new();
     for (args, line) in [
         ("dynamics planar2.urdf --json --tip tip --states -", r#"{"q":[0,1],"qd":[1,0]}"#),
         ("dynamics planar2.urdf --tip tip --states -", r#"{"q":[0,1],"qd":[1,0]}"#),
@@ -368,7 +368,7 @@ fn each_line_of_a_pipe_is_answered_before_the_next_is_read() {
 
 #[test]
 fn answers_are_in_the_order_of_the_lines() {
-    let desk = Desk::new("sequence");
+    let desk = Desk::new();
     let lines: Vec<String> = (0..500).map(|i| json!({"q": [0, 0], "qd": [i, 0]}).to_string()).collect();
     desk.write("s.jsonl", lines.join("\n"));
     let answers = desk.answers("dynamics planar2.urdf --json --tip tip --states s.jsonl", "");
@@ -382,7 +382,7 @@ fn answers_are_in_the_order_of_the_lines() {
 /// The answers to the lines before a refused one are written, with `--json` and without; no file is written.
 #[test]
 fn a_refused_line_leaves_the_answers_before_it_and_no_file() {
-    let desk = Desk::new("streams");
+    let desk = Desk::new();
     let state = |qd: f64| json!({"q": UP_ELBOW, "qd": [qd, 0.3]}).to_string();
     let problem = |v: f64| json!({"delassus": [[2, 0.5], [0.5, 1]], "u": [v, -1]}).to_string();
     let law = "law --law all --restitution 0.5 --friction 0.2 --problems";

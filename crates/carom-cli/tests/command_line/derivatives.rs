@@ -8,7 +8,7 @@ const IMPACT: &str = "impact planar2.urdf --json --tip tip --normal -1,0,0 --law
 
 #[test]
 fn derivatives_agree_with_central_differences_of_answers() {
-    let desk = Desk::new("derivatives");
+    let desk = Desk::new();
     let (q, qd) = ([0.78, -1.57], [-0.15, 0.6]);
     let state = |q: [f64; 2], qd: [f64; 2]| json!({"q": q, "qd": qd});
     let plus = |q, qd, e: f64, mu: f64| {
@@ -45,7 +45,7 @@ fn derivatives_agree_with_central_differences_of_answers() {
 /// Slip that stops in another phase is a boundary beyond which the mode has the same name.
 #[test]
 fn a_boundary_within_a_mode_names_the_same_mode_beyond_it() {
-    let desk = Desk::new("boundary");
+    let desk = Desk::new();
     let state = json!({"q": [0.78, -1.57], "qd": [-0.15, 0.6]}).to_string();
     let said = |mu: &str| {
         let args =
@@ -66,7 +66,7 @@ fn a_boundary_within_a_mode_names_the_same_mode_beyond_it() {
 
 #[test]
 fn ranges_give_bounds_and_state_whether_they_are_exact() {
-    let desk = Desk::new("ranges");
+    let desk = Desk::new();
     let state = json!({"q": [0.78, -1.57], "qd": [-0.15, 0.6]});
     let args = format!("{IMPACT} --restitution 0.35 --friction 0.2 --restitution-range 0.3:0.4");
     let found = desk.answer(&format!("{args} --states -"), &state);

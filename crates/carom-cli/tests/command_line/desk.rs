@@ -1,10 +1,10 @@
 //! A temporary folder, runs of the command in it, and checks of its answers.
 
+use carom_testing::files::Folder;
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use serde_json::{Value, json};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use std::io::Write;
-use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 pub const INERTIAL: &str =
@@ -14,7 +14,7 @@ pub const INERTIAL: &str =
 pub const UP_ELBOW: [f64; 2] = [FRAC_PI_4, -FRAC_PI_2];
 
 /// A folder that is removed when the test ends. Commands run in it, so that messages name files without a path.
-pub struct Desk(pub PathBuf);
+pub struct Desk(pub Folder);
 
 /// Exit status and output of a run.
 #[derive(Debug, PartialEq)]
@@ -26,12 +26,10 @@ pub struct Ran {
 
 impl Desk {
     /// A new folder with the preset robots.
-    pub fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("carom-cli-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        for robot in ["planar2.urdf", "planar3.urdf", "arm7.urdf"] {
-            let preset = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots").join(robot);
-            std::fs::copy(preset, folder.join(robot)).unwrap();
+    pub fn new() -> Self {
+        let folder = Folder::new();
+        for robot in ["robots/planar2.urdf", "robots/planar3.urdf", "robots/arm7.urdf"] {
+            folder.copy(robot);
         }
         Self(folder)
     }
@@ -81,12 +79,6 @@ impl Desk {
         let answers = self.answers(args, &input.to_string());
         assert_eq!(answers.len(), 1, "{args}");
         answers.into_iter().next().unwrap()
-    }
-}
-
-impl Drop for Desk {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 

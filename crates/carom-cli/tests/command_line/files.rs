@@ -30,8 +30,8 @@ quantities = ["impulse"]
 "#;
 
 /// A desk with a scene, a study, a table, and two files of problems, one of which has an invalid second line.
-fn laid(name: &str) -> Desk {
-    let desk = Desk::new(name);
+fn laid() -> Desk {
+    let desk = Desk::new();
     desk.write("s.toml", SCENE);
     desk.write("torque.csv", "0,0,0\n1,0,0\n");
     desk.write("m.toml", STUDY);
@@ -58,7 +58,7 @@ const LAW: &str = "law --law all --restitution 0.5 --friction 0.2 --problems";
 
 #[test]
 fn outputs_that_would_replace_an_input_are_refused() {
-    let desk = laid("inputs");
+    let desk = laid();
     let lost = "the command reads this file and would replace it: give another name";
     for (args, named) in [
         ("consistency t.csv --svg t.csv".to_owned(), "--svg t.csv"),
@@ -77,7 +77,7 @@ fn outputs_that_would_replace_an_input_are_refused() {
 #[cfg(unix)]
 #[test]
 fn outputs_that_reach_an_input_through_a_link_are_refused() {
-    let desk = laid("links");
+    let desk = laid();
     std::os::unix::fs::symlink("t.csv", desk.0.join("link.svg")).unwrap();
     std::os::unix::fs::symlink(".", desk.0.join("here")).unwrap();
     let lost = "the command reads this file and would replace it: give another name";
@@ -90,7 +90,7 @@ fn outputs_that_reach_an_input_through_a_link_are_refused() {
 
 #[test]
 fn two_outputs_of_the_same_file_are_refused() {
-    let desk = laid("outputs");
+    let desk = laid();
     for (args, message) in [
         ("map m.toml --out m.csv --svg m.csv", "--svg m.csv: --out m.csv names the same file: give each its own"),
         (
@@ -104,7 +104,7 @@ fn two_outputs_of_the_same_file_are_refused() {
 
 #[test]
 fn missing_folders_of_outputs_are_refused_before_any_work() {
-    let desk = laid("folders");
+    let desk = laid();
     for (args, option) in [
         ("consistency t.csv".to_owned(), "--svg"),
         (format!("{LAW} good.jsonl"), "--svg"),
@@ -128,7 +128,7 @@ fn missing_folders_of_outputs_are_refused_before_any_work() {
 
 #[test]
 fn no_picture_is_written_when_a_line_is_refused() {
-    let desk = laid("drawn");
+    let desk = laid();
     let ran = desk.run(&format!("{LAW} bad.jsonl --svg x.svg"));
     assert_eq!((ran.code, ran.err.as_str()), (Some(1), "error: bad.jsonl:2: expected value at column 1\n"));
     assert!(!desk.0.join("x.svg").exists());
@@ -141,7 +141,7 @@ fn recordings_without_the_feature_are_refused_before_anything_is_read() {
     if cfg!(feature = "rerun") {
         return;
     }
-    let desk = laid("recordings");
+    let desk = laid();
     let without = "recordings: build carom with the feature rerun";
     desk.write("empty.jsonl", "");
     for file in ["empty.jsonl", "bad.jsonl"] {
@@ -153,7 +153,7 @@ fn recordings_without_the_feature_are_refused_before_anything_is_read() {
 
 #[test]
 fn map_needs_an_output_and_an_existing_column() {
-    let desk = laid("asked");
+    let desk = laid();
     for words in ["--out <X.parquet|csv>", "--svg <X.svg>", "--rrd <X.rrd>", "--advise"] {
         usage(desk.run("map m.toml"), words);
     }
@@ -165,7 +165,7 @@ fn map_needs_an_output_and_an_existing_column() {
 
 #[test]
 fn zeros_are_printed_without_a_sign() {
-    let desk = Desk::new("zeros");
+    let desk = Desk::new();
     let state = json!({"q": UP_ELBOW, "qd": [-0.3, 0.3]});
     for args in [
         "impact planar2.urdf --tip tip --normal -1,0,0 --law all --restitution 0.5 --locked shoulder --states -",
@@ -219,7 +219,7 @@ impl Drop for Running {
 /// file can be written.
 #[test]
 fn a_second_process_that_writes_the_same_table_is_refused() {
-    let desk = laid("twice");
+    let desk = laid();
     desk.write("long.toml", SCENE.replace("duration = 0.01", "duration = 1e5\nmax_step = 1e-3"));
     desk.write("long-map.toml", long_map());
     for (long, short, name) in [
@@ -241,7 +241,7 @@ fn a_second_process_that_writes_the_same_table_is_refused() {
 
 #[test]
 fn what_cannot_be_drawn_or_advised_is_refused_before_the_map_is_computed() {
-    let desk = laid("before");
+    let desk = laid();
     let four = STUDY
         .replace("elbow = 1\n", "elbow = { from = 1, to = 2, count = 3 }\n")
         .replace("speed = 0.2", "speed = [0.1, 0.2]")
@@ -265,7 +265,7 @@ fn what_cannot_be_drawn_or_advised_is_refused_before_the_map_is_computed() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_folder_that_cannot_be_written_to_is_refused_before_any_work() {
-    let desk = laid("read-only");
+    let desk = laid();
     let args = "map m.toml --out m.csv --svg /proc/m.svg";
     let ran = desk.run(args);
     assert!(ran.code == Some(1) && ran.err.starts_with("error: /proc/m.svg: cannot be written: "), "{ran:?}");
@@ -274,7 +274,7 @@ fn a_folder_that_cannot_be_written_to_is_refused_before_any_work() {
 
 #[test]
 fn files_of_the_user_in_the_folder_of_a_report_are_not_replaced() {
-    let desk = laid("reports");
+    let desk = laid();
     for (command, own, missing) in
         [("paper", "table1.csv", "fig4.svg"), ("stress --scene jam", "stress.md", "stress.svg")]
     {

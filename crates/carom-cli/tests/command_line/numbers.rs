@@ -6,7 +6,7 @@ use serde_json::json;
 /// `dynamics` and `impact` satisfy M q̈ + bias = τ, H = J M⁻¹ Jᵀ and M Δq̇ = Jᵀ p.
 #[test]
 fn dynamics_and_impact_agree() {
-    let desk = Desk::new("agree");
+    let desk = Desk::new();
     let state = json!({
         "q": [0.3, -1.1, 0.7, 0.5, -0.4, 0.9, 0.2], "qd": [0.4, 0.9, -0.2, 1.0, -0.7, 0.3, 2.0],
         "tau": [1, -2, 3, -4, 5, -6, 7], "qdd": [7, 6, 5, -4, -3, -2, -1]
@@ -44,7 +44,7 @@ fn dynamics_and_impact_agree() {
 
 #[test]
 fn work_of_the_impulse_is_the_energy_change_for_every_law() {
-    let desk = Desk::new("energy");
+    let desk = Desk::new();
     let states: String = (0..40)
         .map(|i| {
             let x = f64::from(i);
@@ -82,7 +82,7 @@ fn work_of_the_impulse_is_the_energy_change_for_every_law() {
 /// Expected values: closed form of the 2×2 problem of the arm, H_tn/H_nn = -0.887129.
 #[test]
 fn planar2_with_elbow_up_has_a_larger_tangential_speed_after_the_impact() {
-    let desk = Desk::new("planar2");
+    let desk = Desk::new();
     let speed = 0.2 / 2.0_f64.sqrt();
     let qd = rates(&desk, UP_ELBOW, [speed, -speed]);
     let args = "impact planar2.urdf --json --tip tip --normal -1,0,0 --law frictionless --restitution 0.35 --states -";
@@ -103,7 +103,7 @@ fn planar2_with_elbow_up_has_a_larger_tangential_speed_after_the_impact() {
 
 #[test]
 fn a_separating_contact_has_no_impulse() {
-    let desk = Desk::new("leaving");
+    let desk = Desk::new();
     let qd = rates(&desk, UP_ELBOW, [-0.1, 0.2]);
     let args =
         "impact planar2.urdf --json --tip tip --normal -1,0,0 --law all --restitution 0.5 --friction 0.3 --states -";
@@ -126,7 +126,7 @@ fn a_separating_contact_has_no_impulse() {
 /// The double pendulum of Kane & Levinson (1985), e = μ = 0.5. Whittaker's law gains 59 % of the kinetic energy.
 #[test]
 fn outcomes_of_the_pendulum_of_kane_and_levinson_are_the_published_ones() {
-    let desk = Desk::new("pendulum");
+    let desk = Desk::new();
     let problem = json!({
         "delassus": [[2.440338045696, 1.521308658011], [1.521308658011, 1.009560290504]],
         "u": [-0.267174342835, -0.134202014333]
@@ -156,7 +156,7 @@ fn outcomes_of_the_pendulum_of_kane_and_levinson_are_the_published_ones() {
 /// The first problem is drawn: a planar one as Routh diagram, one in space as hodograph.
 #[test]
 fn the_first_problem_is_drawn_in_the_plane_or_in_space() {
-    let desk = Desk::new("drawn");
+    let desk = Desk::new();
     let planar = json!({"delassus": [[2.44, 1.52], [1.52, 1.01]], "u": [-0.27, -0.13]});
     let spatial = json!({"delassus": [[2.0, 0.3, 0.5], [0.3, 1.5, -0.4], [0.5, -0.4, 1.2]], "u": [-0.25, 0.35, -1.0]});
     let args = "law --json --law all --restitution 0.6 --friction 0.3 --problems - --svg";
@@ -184,7 +184,7 @@ fn the_first_problem_is_drawn_in_the_plane_or_in_space() {
 
 #[test]
 fn problems_that_cannot_be_drawn_are_refused_and_no_file_is_written() {
-    let desk = Desk::new("undrawn");
+    let desk = Desk::new();
     let args = "law --law all --restitution 0.5 --friction 0.3 --problems - --svg";
     let refusals = [
         (
@@ -226,7 +226,7 @@ fn problems_that_cannot_be_drawn_are_refused_and_no_file_is_written() {
 /// Painlevé's rod slides at u_n = 0 into a jam: every law with friction has two solutions, and the answer lists both.
 #[test]
 fn both_solutions_of_a_non_unique_problem_are_listed() {
-    let desk = Desk::new("branches");
+    let desk = Desk::new();
     let b = -0.75 * 3.0_f64.sqrt();
     let problem = json!({"delassus": [[3.25, b], [b, 1.75]], "u": [-1.0, 0.0]});
     let all = desk.answer("law --json --law all --restitution 0 --friction 1.5 --problems -", &problem);
@@ -260,7 +260,7 @@ fn both_solutions_of_a_non_unique_problem_are_listed() {
 /// Locked joints keep their velocities, and T⁺ − T⁻ = ½ p·(u⁻ + u⁺) + work of the drives.
 #[test]
 fn work_of_the_drives_is_part_of_the_energy_balance() {
-    let desk = Desk::new("drives");
+    let desk = Desk::new();
     let state = json!({"q": [0.3, -1.1, 0.7], "qd": [0.4, 0.9, -0.2]});
     let args = "impact planar3.urdf --json --tip tip --normal -1,0,0 --law energetic --restitution 0.4 --friction 0.3";
     let free = desk.answer(&format!("{args} --states -"), &state);

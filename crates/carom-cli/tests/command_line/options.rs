@@ -5,7 +5,7 @@ use serde_json::json;
 
 #[test]
 fn coefficients_out_of_range_are_refused() {
-    let desk = Desk::new("coefficients");
+    let desk = Desk::new();
     for (options, message) in [
         ("--restitution -0.1", "--restitution -0.1: a coefficient of restitution lies between 0 and 1"),
         ("--restitution 1.5", "--restitution 1.5: a coefficient of restitution lies between 0 and 1"),
@@ -25,7 +25,7 @@ fn coefficients_out_of_range_are_refused() {
 
 #[test]
 fn options_of_tosses_are_checked_before_the_folder_is_read() {
-    let desk = Desk::new("tosses-options");
+    let desk = Desk::new();
     for (options, message) in [
         ("--restitution 2", "--restitution 2: a coefficient of restitution lies between 0 and 1"),
         ("--friction -1", "--friction -1: a coefficient of friction is finite and not negative"),
@@ -44,7 +44,7 @@ fn options_of_tosses_are_checked_before_the_folder_is_read() {
 /// coefficient alone, and with it the position at the last sample.
 #[test]
 fn tosses_have_the_tangential_restitution_of_the_option() {
-    let desk = Desk::new("tosses-tangential");
+    let desk = Desk::new();
     let urdf = r#"<robot name="ball"><link name="ball"><inertial><mass value="1"/>
         <inertia ixx="0.004" ixy="0" ixz="0" iyy="0.004" iyz="0" izz="0.004"/></inertial>
         <collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"#;
@@ -64,7 +64,7 @@ fn tosses_have_the_tangential_restitution_of_the_option() {
 
 #[test]
 fn usage_errors_exit_with_2() {
-    let desk = Desk::new("usage");
+    let desk = Desk::new();
     let impact = "impact planar2.urdf --tip tip --states - --restitution 0.5";
     let laws = "[possible values: frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith";
     for (args, words) in [
@@ -101,7 +101,7 @@ fn usage_errors_exit_with_2() {
 
 #[test]
 fn unknown_tips_and_joints_are_refused_with_the_existing_names() {
-    let desk = Desk::new("names");
+    let desk = Desk::new();
     let with = |options: &str| desk.run(&format!("dynamics planar2.urdf --json --states - {options}"));
     refused(
         with("--tip tool"),
@@ -131,7 +131,7 @@ fn unknown_tips_and_joints_are_refused_with_the_existing_names() {
 
 #[test]
 fn zero_normals_and_singular_directions_are_refused() {
-    let desk = Desk::new("normals");
+    let desk = Desk::new();
     let strike = |tip: &str, normal: &str, q: &str| {
         let args = format!(
             "impact planar2.urdf --json --tip {tip} --normal {normal} --law all --restitution 0.5 --friction 0.3 --states -"
@@ -159,7 +159,7 @@ fn zero_normals_and_singular_directions_are_refused() {
 
 #[test]
 fn the_length_of_the_normal_does_not_matter() {
-    let desk = Desk::new("lengths");
+    let desk = Desk::new();
     let state = json!({"q": UP_ELBOW, "qd": [0.1, 0.3]});
     let strike = |normal: &str| {
         let args = format!("impact planar2.urdf --json --tip tip --normal {normal} --law newton --restitution 0.5");
@@ -176,7 +176,7 @@ fn the_length_of_the_normal_does_not_matter() {
 
 #[test]
 fn dynamics_gives_zero_jacobian_and_delassus_at_the_base() {
-    let desk = Desk::new("base");
+    let desk = Desk::new();
     let state = json!({"q": UP_ELBOW, "qd": [1, 2]});
     let answer = desk.answer("dynamics planar2.urdf --json --tip base --point 1,2,3 --states -", &state);
     assert_eq!(answer["jacobian"], json!([[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]));
@@ -185,7 +185,7 @@ fn dynamics_gives_zero_jacobian_and_delassus_at_the_base() {
 
 #[test]
 fn invalid_joint_models_are_refused() {
-    let desk = Desk::new("drives-refused");
+    let desk = Desk::new();
     // Refused for every state, here without any.
     let with = |options: &str| {
         let args = "impact planar2.urdf --json --tip tip --normal -1,0,0 --law energetic --restitution 0.5";

@@ -24,7 +24,7 @@ fn column(path: &Path, name: &str) -> Vec<f64> {
 /// by hand from eqs. (10) to (16) to five digits.
 #[test]
 fn data_of_the_paper_are_the_documented_numbers_of_the_stand_in() {
-    let desk = Desk::new("paper");
+    let desk = Desk::new();
     let ran = desk.run("paper --out figures");
     done(&ran);
     let folder = desk.0.join("figures");
@@ -68,7 +68,7 @@ fn data_of_the_paper_are_the_documented_numbers_of_the_stand_in() {
 
 #[test]
 fn report_of_the_paper_names_every_file_and_all_exist() {
-    let desk = Desk::new("report");
+    let desk = Desk::new();
     let report = &desk.answers("paper --out figures --json", "")[0];
     assert_eq!(keys(report), ["arm", "claims", "files", "impacts", "stand_in"]);
     assert_eq!(report["impacts"].as_array().unwrap().len(), 24);
@@ -99,7 +99,7 @@ fn report_of_the_paper_names_every_file_and_all_exist() {
 
 #[test]
 fn folder_of_the_paper_is_replaced_only_if_it_holds_an_earlier_report() {
-    let desk = Desk::new("occupied");
+    let desk = Desk::new();
     let folder = desk.0.join("out");
     std::fs::create_dir(&folder).unwrap();
     done(&desk.run("paper --out out")); // empty
@@ -132,7 +132,7 @@ fn folder_of_the_paper_is_replaced_only_if_it_holds_an_earlier_report() {
 
 #[test]
 fn table_1_is_reported_as_json_text_and_picture() {
-    let desk = Desk::new("table1");
+    let desk = Desk::new();
     desk.write("table1.csv", TABLE1);
     let report = &desk.answers("consistency table1.csv --json --svg v.svg", "")[0];
     assert_eq!(keys(report), ["rows"]);
@@ -167,7 +167,7 @@ fn table_1_is_reported_as_json_text_and_picture() {
 /// An unbounded end of a range is left out of the JSON instead of being null.
 #[test]
 fn unbounded_ends_of_ranges_are_left_out_of_the_json() {
-    let desk = Desk::new("unbounded");
+    let desk = Desk::new();
     desk.write("t.csv", "row,angle_deg,newton,energy_root\na,45,0.4,0.7\n");
     let ran = desk.run("consistency t.csv --json");
     done(&ran);
@@ -180,7 +180,7 @@ fn unbounded_ends_of_ranges_are_left_out_of_the_json() {
 
 #[test]
 fn invalid_tables_are_refused_and_no_picture_is_written() {
-    let desk = Desk::new("faulty");
+    let desk = Desk::new();
     desk.write("t.csv", "row,angle_deg,newton,energy_root\nup,45,1.4,0.7\n");
     let refusal = "t.csv: line 2, row 'up', column 'newton': '1.4': a coefficient of restitution lies between 0 and 1";
     refused(desk.run("consistency t.csv --svg x.svg"), refusal);

@@ -5,7 +5,7 @@ use serde_json::json;
 
 #[test]
 fn without_json_the_output_is_a_table() {
-    let desk = Desk::new("people");
+    let desk = Desk::new();
     let state = json!({"q": UP_ELBOW, "qd": [0.1, 0.3], "tau": [1, 2], "qdd": [3, 4]}).to_string();
     for (args, input, words) in [
         (
@@ -65,7 +65,7 @@ fn without_json_the_output_is_a_table() {
 
 #[test]
 fn help_and_version_are_printed() {
-    let desk = Desk::new("help");
+    let desk = Desk::new();
     for (args, words) in [
         ("--help", "Usage: carom <COMMAND>"),
         ("help impact", "--normal <X,Y,Z>"),
@@ -87,7 +87,7 @@ fn help_and_version_are_printed() {
 /// reads and what it prints.
 #[test]
 fn every_help_fits_100_columns_and_describes_computation_input_output_and_options() {
-    let desk = Desk::new("help-pages");
+    let desk = Desk::new();
     let help = |args: &str| {
         let ran = desk.run(args);
         done(&ran);

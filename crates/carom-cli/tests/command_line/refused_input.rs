@@ -4,7 +4,7 @@ use crate::command_line::desk::*;
 
 #[test]
 fn invalid_states_are_refused_with_their_line() {
-    let desk = Desk::new("states");
+    let desk = Desk::new();
     for (line, reason) in [
         (r#"{"q":[1e999,0],"qd":[0,0]}"#, "number out of range at column 11"),
         (r#"{"q":[NaN,0],"qd":[0,0]}"#, "expected value at column 7"),
@@ -34,7 +34,7 @@ fn invalid_states_are_refused_with_their_line() {
 
 #[test]
 fn invalid_problems_are_refused_with_their_line() {
-    let desk = Desk::new("problems");
+    let desk = Desk::new();
     for (line, reason) in [
         (r#"{"delassus":[[1,0],[0,1e999]],"u":[0,-1]}"#, "number out of range at column 27"),
         (
@@ -68,7 +68,7 @@ fn invalid_problems_are_refused_with_their_line() {
 
 #[test]
 fn quaternions_that_are_not_unit_are_refused() {
-    let desk = Desk::new("quaternion");
+    let desk = Desk::new();
     desk.write("r.urdf", robot(&format!(r#"<link name="a">{INERTIAL}</link>"#)));
     let args = "dynamics r.urdf --floating --json --tip a --states -";
     refused(
@@ -83,7 +83,7 @@ fn quaternions_that_are_not_unit_are_refused() {
 
 #[test]
 fn lines_before_a_refused_line_are_answered_and_blank_lines_are_counted() {
-    let desk = Desk::new("order");
+    let desk = Desk::new();
     let good = r#"{"q":[0,0],"qd":[1,0]}"#;
     desk.write("s.jsonl", format!("\n{good}\r\n   \n\n{good}\noops\n{good}\n"));
     let ran = desk.run("dynamics planar2.urdf --json --tip tip --states s.jsonl");
@@ -97,7 +97,7 @@ fn lines_before_a_refused_line_are_answered_and_blank_lines_are_counted() {
 
 #[test]
 fn positions_outside_limits_give_one_warning_for_each_joint() {
-    let desk = Desk::new("limits");
+    let desk = Desk::new();
     let lines = "{\"q\":[0,0],\"qd\":[0,1]}\n{\"q\":[3.5,-4],\"qd\":[0,1]}\n{\"q\":[3.5,-4],\"qd\":[0,1]}\n";
     for args in [
         "dynamics planar2.urdf --json --tip tip --states -",
@@ -115,7 +115,7 @@ fn positions_outside_limits_give_one_warning_for_each_joint() {
 
 #[test]
 fn refused_states_give_no_limit_warning() {
-    let desk = Desk::new("limits-refused");
+    let desk = Desk::new();
     refused(
         desk.feed("dynamics planar2.urdf --json --tip tip --states -", r#"{"q":[9],"qd":[0,0]}"#),
         "<stdin>:1: q has 1 numbers, 2 are needed (shoulder, elbow)",
@@ -124,7 +124,7 @@ fn refused_states_give_no_limit_warning() {
 
 #[test]
 fn joints_with_similar_names_have_their_own_limit_warnings() {
-    let desk = Desk::new("limits-names");
+    let desk = Desk::new();
     let limit = r#"<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/>"#;
     let text = limb("b", "a", "revolute", limit) + &limb("c", "b", "revolute", limit);
     let text = text.replace("revolute_b", "left's 1").replace("revolute_c", "left's 2");
@@ -139,7 +139,7 @@ fn joints_with_similar_names_have_their_own_limit_warnings() {
 
 #[test]
 fn a_byte_order_mark_before_the_first_line_is_read_over() {
-    let desk = Desk::new("mark");
+    let desk = Desk::new();
     let line = "{\"q\":[0.1,0.2],\"qd\":[0,1]}\n";
     let args = "dynamics planar2.urdf --json --tip tip --states -";
     let plain = desk.feed(args, line);
@@ -152,7 +152,7 @@ fn a_byte_order_mark_before_the_first_line_is_read_over() {
 /// Standard input without line ends, as of a device: it is read up to the limit only.
 #[test]
 fn a_line_without_end_is_refused_at_the_limit() {
-    let desk = Desk::new("endless");
+    let desk = Desk::new();
     let line = vec![b' '; (16 << 20) + 1];
     refused(
         desk.feed("dynamics planar2.urdf --tip tip --states -", line),
@@ -163,7 +163,7 @@ fn a_line_without_end_is_refused_at_the_limit() {
 /// Texts of 100 000 characters in each kind of input.
 #[test]
 fn messages_about_long_texts_are_short() {
-    let desk = Desk::new("long");
+    let desk = Desk::new();
     let long = "x".repeat(100_000);
     desk.write("q.toml", format!("[robot]\nurdf = \"planar2.urdf\"\nq = \"{long}\"\n[run]\nduration = 1\n"));
     desk.write("key.toml", format!("{long} = 1\n[robot]\nurdf = \"planar2.urdf\"\nq = [0, 0]\n[run]\nduration = 1\n"));

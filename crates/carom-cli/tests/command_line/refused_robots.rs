@@ -5,7 +5,7 @@ use serde_json::json;
 
 #[test]
 fn invalid_robots_are_refused_by_every_command_with_the_same_message() {
-    let desk = Desk::new("fault");
+    let desk = Desk::new();
     let inertial = |mass: &str, i: &str| {
         let i: Vec<&str> = i.split(' ').collect();
         hinged(&format!(
@@ -96,7 +96,7 @@ fn invalid_robots_are_refused_by_every_command_with_the_same_message() {
 
 #[test]
 fn invalid_inertia_is_a_warning_on_a_fixed_link_and_refused_on_a_moving_one() {
-    let desk = Desk::new("still");
+    let desk = Desk::new();
     let bad = INERTIAL.replace(r#"<mass value="1"/>"#, r#"<mass value="-1"/>"#);
     desk.write("r.urdf", robot(&format!(r#"<link name="a">{bad}</link>"#)));
     let report = &desk.answers("inspect r.urdf --json", "")[0];
@@ -114,7 +114,7 @@ fn invalid_inertia_is_a_warning_on_a_fixed_link_and_refused_on_a_moving_one() {
 
 #[test]
 fn massless_moving_links_are_accepted_if_a_link_below_has_inertia() {
-    let desk = Desk::new("massless");
+    let desk = Desk::new();
     let two = |offset: &str| {
         robot(&format!(
             r#"<link name="a"/><link name="b"/><link name="c">{INERTIAL}</link>
@@ -139,7 +139,7 @@ fn massless_moving_links_are_accepted_if_a_link_below_has_inertia() {
 
 #[test]
 fn missing_meshes_are_warnings_and_strict_refuses_them_unless_they_are_left_out() {
-    let desk = Desk::new("meshes");
+    let desk = Desk::new();
     let collision = "<collision><geometry><mesh filename='package://parts/b.stl'/></geometry></collision>";
     desk.write("r.urdf", hinged(&format!("{INERTIAL}{collision}")));
     let tried = "there is no folder 'parts' in or above '.', in the package folders (--package-dir, LoadOptions::package_dirs), ROS_PACKAGE_PATH or AMENT_PREFIX_PATH";
@@ -186,7 +186,7 @@ fn weightless() -> String {
 
 #[test]
 fn robots_without_mass_have_kinematics_on_the_command_line() {
-    let desk = Desk::new("weightless-kinematics");
+    let desk = Desk::new();
     desk.write("r.urdf", weightless());
     let report = &desk.answers("inspect r.urdf --json", "")[0];
     assert_eq!((texts(&report["massless"]), &report["dof"]), (vec!["b", "c"], &json!(2)));
@@ -236,7 +236,7 @@ fn robots_without_mass_have_kinematics_on_the_command_line() {
 
 #[test]
 fn repairs_are_listed_with_their_numbers() {
-    let desk = Desk::new("repairs");
+    let desk = Desk::new();
     let odd = INERTIAL.replace(r#"iyy="1""#, r#"iyy="-1.5""#);
     let more = "<link name='c'/><joint name='k' type='continuous'><parent link='b'/><child link='c'/><axis xyz='1 0 0'/></joint>";
     desk.write("r.urdf", hinged(&odd).replace("</robot>", &format!("{more}</robot>")));
@@ -263,7 +263,7 @@ fn repairs_are_listed_with_their_numbers() {
 /// The classic mistake: a hinge without an axis turns about x.
 #[test]
 fn robots_that_look_odd_load_with_warnings_and_strict_refuses_them() {
-    let desk = Desk::new("odd");
+    let desk = Desk::new();
     let bent = hinged(INERTIAL).replace("continuous", "revolute").replace(
         "<axis xyz=\"1 0 0\"/>",
         "<origin xyz='0 0 1' rpy='0 90 0'/><limit lower='-170' upper='170' effort='1' velocity='1'/>",
@@ -287,7 +287,7 @@ fn robots_that_look_odd_load_with_warnings_and_strict_refuses_them() {
 #[cfg(unix)]
 #[test]
 fn pipes_in_a_folder_of_robots_are_refused_without_being_opened() {
-    let desk = Desk::new("pipe");
+    let desk = Desk::new();
     std::fs::create_dir_all(desk.0.join("robots")).unwrap();
     desk.write("robots/a.urdf", hinged(INERTIAL));
     let made = std::process::Command::new("mkfifo").arg(desk.0.join("robots/b.urdf")).status().unwrap();
@@ -305,7 +305,7 @@ fn pipes_in_a_folder_of_robots_are_refused_without_being_opened() {
 /// it have none for 1 kg m².
 #[test]
 fn positions_too_large_for_the_numbers_are_named_and_not_a_lack_of_inertia() {
-    let desk = Desk::new("far");
+    let desk = Desk::new();
     let limit = r#"<axis xyz="1 0 0"/><limit lower="-1e99" upper="1e99" effort="1" velocity="1"/>"#;
     let text = limb("b", "a", "continuous", r#"<axis xyz="0 0 1"/>"#)
         + &limb("c", "b", "continuous", r#"<axis xyz="0 0 1"/>"#)
@@ -334,7 +334,7 @@ fn positions_too_large_for_the_numbers_are_named_and_not_a_lack_of_inertia() {
 /// Each class of loading, in folders of its own.
 #[test]
 fn a_folder_of_robots_is_summarised_in_one_line_for_each_file() {
-    let desk = Desk::new("survey");
+    let desk = Desk::new();
     for folder in ["robots/deep", "robots/none"] {
         std::fs::create_dir_all(desk.0.join(folder)).unwrap();
     }
@@ -382,7 +382,7 @@ fn a_folder_of_robots_is_summarised_in_one_line_for_each_file() {
 
 #[test]
 fn damping_and_friction_of_joints_are_shown_since_simulations_use_them() {
-    let desk = Desk::new("damped");
+    let desk = Desk::new();
     let text = hinged(INERTIAL).replace("</joint>", "<dynamics damping='0.123456789' friction='2'/></joint>");
     desk.write("r.urdf", text);
     let report = &desk.answers("inspect r.urdf --json", "")[0];
@@ -397,7 +397,7 @@ fn damping_and_friction_of_joints_are_shown_since_simulations_use_them() {
 
 #[test]
 fn unused_elements_are_listed_as_warnings() {
-    let desk = Desk::new("unsupported");
+    let desk = Desk::new();
     let more = "<transmission name='t'/><transmission name='u'/><gazebo/><material name='blue'/>";
     let text = hinged(&format!("{INERTIAL}<visual/><self_collision_checking/>"));
     let text = text.replace("</joint>", "<safety_controller/><limit jerk='1'/></joint>");
@@ -419,7 +419,7 @@ fn unused_elements_are_listed_as_warnings() {
 
 #[test]
 fn unreadable_files_are_named() {
-    let desk = Desk::new("unreadable");
+    let desk = Desk::new();
     std::fs::create_dir(desk.0.join("folder")).unwrap();
     desk.write("bytes", [0xff, 0xfe, 0x00]);
     for (args, start) in [

@@ -7,7 +7,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 
 #[test]
 fn a_closed_output_pipe_is_no_error() {
-    let desk = Desk::new("head");
+    let desk = Desk::new();
     desk.write("s.jsonl", "{\"q\":[0,1],\"qd\":[1,0]}\n".repeat(5000));
     for args in [
         "dynamics planar2.urdf --json --tip tip --states s.jsonl",
@@ -26,7 +26,7 @@ fn a_closed_output_pipe_is_no_error() {
 
 #[test]
 fn a_closed_standard_error_causes_no_panic() {
-    let desk = Desk::new("deaf");
+    let desk = Desk::new();
     let mut child = desk.command("dynamics planar2.urdf --json --tip tip --states -").spawn().unwrap();
     drop(child.stderr.take());
     child.stdin.take().unwrap().write_all(br#"{"q":[9,0],"qd":[1,0]}"#).unwrap();
@@ -42,7 +42,7 @@ fn a_closed_standard_error_causes_no_panic() {
 
 #[test]
 fn inputs_of_any_size_are_answered_with_finite_numbers_or_refused() {
-    let desk = Desk::new("sizes");
+    let desk = Desk::new();
     let sizes = ["0", "1", "-1e16", "1e150", "-1e150", "1e300", "1e-300", "1.7976931348623157e308", "5e-324"];
     let mut next = 0;
     let mut any = || {
@@ -83,7 +83,7 @@ fn inputs_of_any_size_are_answered_with_finite_numbers_or_refused() {
 
 #[test]
 fn overflow_of_one_number_is_refused_and_never_null_in_the_json() {
-    let desk = Desk::new("overflow");
+    let desk = Desk::new();
     let too_large = "every number of an impact problem must be finite";
     let laws = ["whittaker", "newton", "poisson", "energetic", "chatterjee-ruina", "brach", "smith"];
     let problem = r#"{"delassus":[[0,0],[0,1e308]],"u":[-1.7e308,-6e139]}"#;
@@ -112,7 +112,7 @@ fn overflow_of_one_number_is_refused_and_never_null_in_the_json() {
 /// outside the range of f64 is refused.
 #[test]
 fn energy_ratio_is_exact_or_refused_at_extreme_scales() {
-    let desk = Desk::new("ratio");
+    let desk = Desk::new();
     let args = "law --json --law frictionless --restitution 0.5 --problems -";
     for problem in [
         r#"{"delassus":[[1,0],[0,1]],"u":[1,-1]}"#,
@@ -138,7 +138,7 @@ fn energy_ratio_is_exact_or_refused_at_extreme_scales() {
 
 #[test]
 fn control_characters_of_a_file_do_not_break_the_line_of_a_refusal() {
-    let desk = Desk::new("one-line");
+    let desk = Desk::new();
     for (text, message) in [
         (
             "<robot name='r'>\n<link name='a'/\n></robot>".to_owned(),
@@ -163,7 +163,7 @@ fn control_characters_of_a_file_do_not_break_the_line_of_a_refusal() {
 /// of the text. They are printed as JSON writes them, and make no line of their own; JSON has the same names as ever.
 #[test]
 fn names_of_robots_and_scenes_are_printed_as_text() {
-    let desk = Desk::new("names");
+    let desk = Desk::new();
     let nasty = |name: &str| format!("{name}\u{9b}31m\n\t\u{202e}\u{2066}\u{200f}\u{61c}\u{2028}end\n");
     let shown = |name: &str| format!(r"{name}\u009b31m\n\t\u202e\u2066\u200f\u061c\u2028end\n");
     let write = |name: &dyn Fn(&str) -> String| {
@@ -221,7 +221,7 @@ fn names_of_robots_and_scenes_are_printed_as_text() {
 
 #[test]
 fn random_and_malformed_files_are_refused_without_a_panic() {
-    let desk = Desk::new("rubbish");
+    let desk = Desk::new();
     let mut state = 0x9e37_79b9_7f4a_7c15_u64;
     let mut byte = || {
         state ^= state << 13;
@@ -259,7 +259,7 @@ fn random_and_malformed_files_are_refused_without_a_panic() {
 
 #[test]
 fn names_may_hold_any_character_of_xml() {
-    let desk = Desk::new("unicode");
+    let desk = Desk::new();
     let arm = limb("b", "a", "continuous", r#"<axis xyz="0 0 1"/>"#)
         + &limb("c", "b", "continuous", r#"<axis xyz="0 0 1"/>"#);
     let (elbow, hand) = ("coude d'été \u{1f9be}", "Fußgelenk &\"<");
@@ -277,7 +277,7 @@ fn names_may_hold_any_character_of_xml() {
 
 #[test]
 fn mimic_planar_and_floating_joints_work_anywhere_in_a_chain() {
-    let desk = Desk::new("kinds");
+    let desk = Desk::new();
     let text = [
         r#"<link name="a"/>"#.to_owned(),
         limb("b", "a", "continuous", r#"<axis xyz="0 0 1"/>"#),
@@ -313,7 +313,7 @@ fn mimic_planar_and_floating_joints_work_anywhere_in_a_chain() {
 
 #[test]
 fn an_impact_on_a_chain_of_two_thousand_links_is_resolved() {
-    let desk = Desk::new("long");
+    let desk = Desk::new();
     let n = 2000;
     let axis = |i: usize| if i.is_multiple_of(2) { r#"<axis xyz="0 0 1"/>"# } else { r#"<axis xyz="0 1 0"/>"# };
     let limbs: String =

@@ -27,7 +27,7 @@ fn numbers(value: &Value) -> Vec<f64> {
 /// The scene's text and the units of all columns are in the metadata, which Parquet files hold as plain text at their end.
 #[test]
 fn parquet_tables_of_runs_hold_their_scene_and_units() {
-    let desk = Desk::new("metadata");
+    let desk = Desk::new();
     let scene = SCENE.replace("duration", "perturb = { qd = 0.01 }\nduration");
     desk.write("s.toml", &scene);
     desk.run("simulate s.toml --parquet run.parquet --contacts contacts.parquet");
@@ -49,7 +49,7 @@ fn parquet_tables_of_runs_hold_their_scene_and_units() {
 /// What a run remembers beside its state is not part of one, and this is said: that a robot was hit, and what compliant contacts remember.
 #[test]
 fn a_run_from_a_state_says_what_the_state_lacks() {
-    let desk = Desk::new("from-state-lacks");
+    let desk = Desk::new();
     desk.write("state.json", r#"{"q": [0.7854, -1.5708], "qd": [0.3, -0.9]}"#);
     let warned = |text: String| {
         desk.write("s.toml", text);
@@ -68,7 +68,7 @@ fn a_run_from_a_state_says_what_the_state_lacks() {
 /// A run from the last state of another one continues it: the end is that of the run in one piece, and so is its time.
 #[test]
 fn a_run_continues_from_the_answer_of_another_one() {
-    let desk = Desk::new("from-state");
+    let desk = Desk::new();
     desk.write("s.toml", SCENE);
     desk.write("half.toml", SCENE.replace("duration = 0.6", "duration = 0.3"));
     let whole = &desk.answers("simulate s.toml --json", "")[0]["final"];
@@ -105,7 +105,7 @@ fn a_run_continues_from_the_answer_of_another_one() {
 #[test]
 #[expect(clippy::approx_constant, reason = "the digits of the scene")]
 fn many_runs_start_as_the_scene_asks_and_do_not_depend_on_threads() {
-    let desk = Desk::new("runs");
+    let desk = Desk::new();
     desk.write("s.toml", format!("{SCENE}perturb = {{ q = {{ elbow = 0.02 }}, qd = [0.1, 0], seed = 7 }}\n"));
     let mut tables = Vec::new();
     for threads in ["1", "2"] {
@@ -150,7 +150,7 @@ fn many_runs_start_as_the_scene_asks_and_do_not_depend_on_threads() {
 /// Runs that start inside the wall are counted, told and marked in the table; the others are computed.
 #[test]
 fn runs_that_are_refused_are_counted() {
-    let desk = Desk::new("runs-refused");
+    let desk = Desk::new();
     let near = SCENE.replace("point = [0.7,", "point = [0.637,");
     desk.write("s.toml", format!("{near}perturb = {{ q = 0.05, distribution = \"uniform\" }}\n"));
     let report = &desk.answers("simulate s.toml --runs 60 --csv t.csv --json", "")[0];
@@ -165,7 +165,7 @@ fn runs_that_are_refused_are_counted() {
 #[cfg(unix)]
 #[test]
 fn an_interrupted_run_leaves_no_file() {
-    let desk = Desk::new("interrupt");
+    let desk = Desk::new();
     desk.write("s.toml", SCENE.replace("duration = 0.6", "duration = 1e5\nmax_step = 1e-3"));
     let before = desk.files("");
     let child = desk.command("simulate s.toml --csv t.csv --contacts c.parquet").spawn().unwrap();
@@ -185,7 +185,7 @@ fn an_interrupted_run_leaves_no_file() {
 #[cfg(unix)]
 #[test]
 fn interrupted_runs_are_kept() {
-    let desk = Desk::new("runs-interrupted");
+    let desk = Desk::new();
     desk.write("s.toml", format!("{SCENE}perturb = {{ qd = 0.01 }}\n"));
     for name in ["t.csv", "t.parquet"] {
         let option = if name == "t.csv" { "--csv" } else { "--parquet" };

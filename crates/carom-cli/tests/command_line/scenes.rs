@@ -73,7 +73,7 @@ fn shaped(shape: &str) -> String {
 /// The coefficient of a surface replaces that of `[contact]`, and that of a pair replaces both.
 #[test]
 fn restitution_of_a_pair_precedes_that_of_a_surface_and_of_the_scene() {
-    let desk = Desk::new("scene-restitution");
+    let desk = Desk::new();
     let own = "contact = { restitution = 0.9 }";
     let pair = "[[contact.pair]]\nlink = \"tip\"\nsurface = \"surface 1\"\nrestitution = 0.5";
     let both = at("#surface", own).replace("#contact", pair);
@@ -87,7 +87,7 @@ fn restitution_of_a_pair_precedes_that_of_a_surface_and_of_the_scene() {
 /// Friction changes the tangential velocity after the impact; the answer names the law of the surface.
 #[test]
 fn surfaces_may_have_their_own_friction_and_law() {
-    let desk = Desk::new("scene-law");
+    let desk = Desk::new();
     let (_, without) = desk.impact(SCENE);
     let rough = at("#surface", "contact = { friction = 0.3, law = \"poisson\" }");
     let (_, with) = desk.impact(&rough);
@@ -99,7 +99,7 @@ fn surfaces_may_have_their_own_friction_and_law() {
 /// The limits of a joint have their own restitution: the elbow rebounds with e times its velocity.
 #[test]
 fn a_pair_may_be_the_limits_of_a_joint() {
-    let desk = Desk::new("scene-limits");
+    let desk = Desk::new();
     let pair = "[[contact.pair]]\njoint = \"elbow\"\nrestitution = 0.6";
     let scene = at("#contact", pair).replace("-1.5708]", "-3.09]").replace("[-0.444444, 0.444444]", "[0, -0.5]");
     let (run, _) = desk.told("simulate", &scene);
@@ -112,7 +112,7 @@ fn a_pair_may_be_the_limits_of_a_joint() {
 /// The velocities of an impact are relative to the surface: a wall that moves towards the tip adds to them.
 #[test]
 fn the_velocity_of_a_moving_surface_adds_to_the_approach_velocity() {
-    let desk = Desk::new("scene-motion");
+    let desk = Desk::new();
     // s = 0.01 sin(2π t) along the normal: at the start the wall approaches at 0.0628 m/s.
     let moving = at("#surface", "motion = { amplitude = [-0.01, 0, 0], frequency = 1 }");
     let ((still, _), (before, after)) = (desk.impact(SCENE), desk.impact(&moving));
@@ -124,7 +124,7 @@ fn the_velocity_of_a_moving_surface_adds_to_the_approach_velocity() {
 /// A contact that has latched stays at rest.
 #[test]
 fn a_latched_contact_stays_at_rest() {
-    let desk = Desk::new("scene-latch");
+    let desk = Desk::new();
     for scene in [at("#surface", "contact = { latch = true }"), at("#contact", "latch = true")] {
         let (run, _) = desk.told("simulate", &scene);
         assert_eq!(run["events"][0]["kind"], "latch");
@@ -136,7 +136,7 @@ fn a_latched_contact_stays_at_rest() {
 
 #[test]
 fn every_controller_changes_the_motion() {
-    let desk = Desk::new("scene-controllers");
+    let desk = Desk::new();
     desk.write("torque.csv", "time,shoulder,elbow\n0,0,0\n0.05,1,0\n0.1,0,0\n");
     let gains = "kp = 10\nkd = 1\ntarget = [0.7, -1.5]";
     let cases = [
@@ -156,7 +156,7 @@ fn every_controller_changes_the_motion() {
 
 #[test]
 fn invalid_contact_rules_are_refused() {
-    let desk = Desk::new("scene-rules");
+    let desk = Desk::new();
     let pair = |lines: &str| format!("[[contact.pair]]\n{lines}");
     desk.refuses_all(
         "#surface",
@@ -256,7 +256,7 @@ fn invalid_contact_rules_are_refused() {
 /// A pair that cannot touch is a warning, not an error.
 #[test]
 fn a_pair_that_cannot_touch_is_a_warning() {
-    let desk = Desk::new("scene-pairs");
+    let desk = Desk::new();
     for (named, shown) in [("link = \"base\"", "link = \"base\""), ("joint = \"probe\"", "joint = \"probe\"")] {
         let scene = at("#contact", &format!("[[contact.pair]]\n{named}\nrestitution = 0.5"));
         let (_, said) = desk.told("simulate", &scene);
@@ -266,7 +266,7 @@ fn a_pair_that_cannot_touch_is_a_warning() {
 
 #[test]
 fn controllers_without_their_parameters_are_refused() {
-    let desk = Desk::new("scene-drives");
+    let desk = Desk::new();
     let gains = "kd = 1\ntarget = [0, 0]";
     let known = "expected one of `off`, `pd`, `constant`, `gravity-compensation`, `transition`, `impact-invariant`, \
                  `torque-file`, `tracking`";
@@ -321,7 +321,7 @@ fn controllers_without_their_parameters_are_refused() {
 
 #[test]
 fn invalid_torque_files_are_refused_with_their_line() {
-    let desk = Desk::new("scene-torques");
+    let desk = Desk::new();
     let cells = "every cell must be a finite number, separated by commas";
     let scene = at("#run", "controller = \"torque-file\"\ntorque_file = \"t.csv\"");
     desk.refuses(&scene, "[run] torque_file t.csv: No such file or directory (os error 2)");
@@ -351,7 +351,7 @@ fn invalid_torque_files_are_refused_with_their_line() {
 
 #[test]
 fn invalid_settings_are_refused() {
-    let desk = Desk::new("scene-settings");
+    let desk = Desk::new();
     let share = "it must be above 0 and below 1";
     let positive = "it must be positive and finite";
     desk.refuses_all(
@@ -413,7 +413,7 @@ fn invalid_settings_are_refused() {
 
 #[test]
 fn invalid_shapes_are_refused() {
-    let desk = Desk::new("scene-shapes");
+    let desk = Desk::new();
     desk.write("empty.stl", "solid nothing\nendsolid nothing\n");
     desk.write("line.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
     let nothing = |file: &str, count: u8| {
@@ -453,7 +453,7 @@ fn choices<'a>(plan: &'a Value, section: &str, what: &str) -> Vec<&'a str> {
 
 #[test]
 fn a_plan_has_the_documented_keys() {
-    let desk = Desk::new("scene-plan");
+    let desk = Desk::new();
     let scene = at("#run", "neglect = 0.5").replace("#contact", "friction = 0.001");
     let (plan, said) = desk.told("plan", &scene);
     assert_eq!(said, "");
@@ -478,7 +478,7 @@ fn a_plan_has_the_documented_keys() {
 /// A surface that no link reaches is left out by the plan and gives no events in a run.
 #[test]
 fn a_surface_out_of_reach_is_left_out_without_a_warning() {
-    let desk = Desk::new("scene-far");
+    let desk = Desk::new();
     let far = SCENE.replace("0.6364, 0, 0", "2, 0, 0");
     let (plan, said) = desk.told("plan", &far);
     assert_eq!(said, "");

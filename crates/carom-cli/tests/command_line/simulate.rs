@@ -21,7 +21,7 @@ impl Desk {
 
 #[test]
 fn simulate_gives_events_and_a_table() {
-    let desk = Desk::new("simulate");
+    let desk = Desk::new();
     desk.scene(|text| text);
     let summary = &desk.answers("simulate s.toml --json --csv x.csv", "")[0];
     for key in ["stop_reason", "events", "final", "energy", "statistics"] {
@@ -43,7 +43,7 @@ fn simulate_gives_events_and_a_table() {
 /// A box that spins on its four corners: an event with its reason and contacts, a flag at each contact of answer and table, the time.
 #[test]
 fn simulate_tells_where_a_motion_is_not_unique() {
-    let desk = Desk::new("non-unique");
+    let desk = Desk::new();
     desk.write("box.urdf", include_str!("../../../../robots/box.urdf"));
     let scene = |spin: f64| {
         format!(
@@ -92,7 +92,7 @@ gravity = [0, 0, -9.81]
 
 #[test]
 fn invalid_scenes_are_refused_with_the_reason() {
-    let desk = Desk::new("simulate-bad");
+    let desk = Desk::new();
     desk.refuses_scene(
         |text| text.replace("restitution =", "restituton ="),
         "s.toml: line 12: unknown field `restituton`, expected one of `law`, `restitution`, `tangential_restitution`, `friction`, \
@@ -127,7 +127,7 @@ fn invalid_scenes_are_refused_with_the_reason() {
 /// The derivatives of the answer are differences of answers from starts beside that of the scene.
 #[test]
 fn sensitivities_agree_with_differences_of_answers() {
-    let desk = Desk::new("sensitivity");
+    let desk = Desk::new();
     desk.scene(|text| text.replace("friction = 0.0", "friction = 0.1").replace("1e-9", "1e-11"));
     let answer = &desk.answers("simulate s.toml --sensitivity --json", "")[0];
     assert!(has_no_null(answer));
@@ -168,7 +168,7 @@ fn sensitivities_agree_with_differences_of_answers() {
 /// Where the derivatives end, the time and the reason are told, and there is no matrix. What has no derivative at all is refused.
 #[test]
 fn sensitivities_that_do_not_exist_are_told_or_refused() {
-    let desk = Desk::new("sensitivity-ends");
+    let desk = Desk::new();
     let slide = r#"<robot name="ball"><link name="world"/><link name="ball">
         <inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
         <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
@@ -199,7 +199,7 @@ fn sensitivities_that_do_not_exist_are_told_or_refused() {
 /// A surface out of reach is no error: the run has no events.
 #[test]
 fn a_surface_out_of_reach_gives_no_events() {
-    let desk = Desk::new("simulate-far");
+    let desk = Desk::new();
     desk.scene(|text| text.replace("0.6364, 0, 0]", "2, 0, 0]"));
     let summary = &desk.answers("simulate s.toml --json", "")[0];
     assert_eq!(summary["events"].as_array().unwrap().len(), 0);
@@ -209,7 +209,7 @@ fn a_surface_out_of_reach_gives_no_events() {
 /// With the feature `rerun` the file is complete; without it the option is refused.
 #[test]
 fn a_recording_is_complete_or_not_written() {
-    let desk = Desk::new("record");
+    let desk = Desk::new();
     desk.scene(|text| text);
     let files = desk.files("").len();
     let ran = desk.run("simulate s.toml --out x.rrd");

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 #[test]
 fn stress_writes_its_table_as_markdown_json_and_svg() {
-    let desk = Desk::new("stress");
+    let desk = Desk::new();
     let ran = desk.run("stress --out table --scene jam");
     assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
     assert!(ran.out.contains("8 exact\n") && ran.out.ends_with("the table is table/stress.md\n"), "{}", ran.out);
@@ -20,7 +20,7 @@ fn stress_writes_its_table_as_markdown_json_and_svg() {
 
 #[test]
 fn stress_refuses_unknown_scenes_and_invalid_folders() {
-    let desk = Desk::new("stress-refused");
+    let desk = Desk::new();
     let ran = desk.run("stress --out table --scene grzing");
     assert_eq!(ran.code, Some(1));
     assert!(
@@ -54,7 +54,7 @@ const PEERS: &str = r#"{"scene":"wall","peer":"x","version":"1","method":"steps"
 
 #[test]
 fn a_chart_contains_every_method_and_the_peers() {
-    let desk = Desk::new("chart");
+    let desk = Desk::new();
     desk.write("wall.toml", SCENE);
     desk.write("peers.jsonl", PEERS);
     std::fs::create_dir(desk.0.join("c")).unwrap();
@@ -95,7 +95,7 @@ fn a_chart_contains_every_method_and_the_peers() {
 
 #[test]
 fn a_chart_of_stiffness_draws_both_errors_beside_the_order_in_theory() {
-    let desk = Desk::new("chart-stiffness");
+    let desk = Desk::new();
     let soft = SCENE.replace("[contact]\n", "[contact]\ncompliance = { stiffness = 1e6, exponent = 1 }\n");
     desk.write("wall.toml", &soft);
     std::fs::create_dir(desk.0.join("c")).unwrap();
@@ -125,7 +125,7 @@ const TABLE: &str = "method,knob,value,wall_time_s,error_after_impact,error_at_e
 /// Lines that end at the same place have names that do not cover each other; a panel with the data of one method is left out.
 #[test]
 fn few_methods_of_a_computed_chart_are_drawn_with_their_names() {
-    let desk = Desk::new("chart-from");
+    let desk = Desk::new();
     desk.write("wall.csv", TABLE);
     let ran = desk.run("chart --from wall.csv --out wall.svg --show events=carom --show steps --show other=peer");
     assert_eq!((ran.code, ran.out.as_str(), ran.err.as_str()), (Some(0), "", ""));
@@ -161,7 +161,7 @@ fn few_methods_of_a_computed_chart_are_drawn_with_their_names() {
 
 #[test]
 fn chart_refuses_invalid_options_and_files() {
-    let desk = Desk::new("chart-refused");
+    let desk = Desk::new();
     desk.write("wall.toml", SCENE);
     desk.write("broken.jsonl", "{\"scene\":\"wall\"}\n");
     for (args, message) in [

@@ -3,17 +3,16 @@
 use super::*;
 use carom_study::Horizon;
 use carom_study::compare::{CompareOptions, Comparison, DataSet, Row, compare, data_sets, toss_cases};
+use carom_testing::files::Folder;
 use std::fmt::Write;
-use std::path::PathBuf;
 
 /// A folder of its own for each test, removed when the test ends.
-struct Folder(PathBuf);
+struct Data(Folder);
 
-impl Folder {
-    fn new(name: &str, file: &str, text: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("carom-compare-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        std::fs::write(folder.join(file), text).unwrap();
+impl Data {
+    fn new(file: &str, text: &str) -> Self {
+        let folder = Folder::new();
+        folder.write(file, text);
         Self(folder)
     }
 
@@ -21,12 +20,6 @@ impl Folder {
         let mut sets = data_sets(&self.0, &LoadOptions::default()).unwrap();
         assert_eq!(sets.len(), 1);
         sets.remove(0)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
@@ -74,8 +67,8 @@ fn row<'a>(all: &'a Comparison, law: &str, effects: &[&str]) -> &'a Row {
     all.rows.iter().find(|row| row.law == law && row.effects == effects).unwrap()
 }
 
-fn compared(name: &str, rows: &[[f64; 13]], options: &CompareOptions) -> Comparison {
-    let folder = Folder::new(name, "impacts_odd.csv", &table(rows));
+fn compared(rows: &[[f64; 13]], options: &CompareOptions) -> Comparison {
+    let folder = Data::new("impacts_odd.csv", &table(rows));
     compare(&folder.set(), options, QUIETLY).unwrap().remove(0)
 }
 
@@ -85,7 +78,7 @@ fn the_law_that_made_the_impacts_predicts_them_best() {
     let tangential = Coefficients { tangential_restitution: 0.4, ..rough(0.5, 0.3) };
     for (law, truth) in [("smith", rough(0.5, 0.3)), ("chatterjee-ruina", tangential)] {
         let rows = ellipse(law, truth, 60);
-        let mut found = compared(law, &rows, &options);
+        let mut found = compared(&rows, &options);
         // no effect is selected, because none made the impacts
         assert_eq!(found.selected.unwrap().models, [law; 3]);
         found.rows.retain(|row| row.effects.is_empty());
@@ -111,13 +104,13 @@ fn the_law_that_made_the_impacts_predicts_them_best() {
 fn coefficients_for_a_fold_are_fitted_without_it() {
     let options = CompareOptions { folds: 3, seed: 4, ..CompareOptions::default() };
     let mut rows = ellipse("newton", rough(0.5, 0.3), 24);
-    let before = compared("whole", &rows, &options);
+    let before = compared(&rows, &options);
     for (row, fold) in rows.iter_mut().zip(&before.folds) {
         if *fold == 1 {
             row[5] *= 0.3; // the vertical velocity after the impact
         }
     }
-    let after = compared("replaced", &rows, &options);
+    let after = compared(&rows, &options);
     assert_eq!(before.folds, after.folds);
     for row in before.rows.iter().filter(|row| row.effects.is_empty()) {
         let other = self::row(&after, &row.law, &[]);
@@ -151,7 +144,7 @@ fn tosses_are_judged_from_both_starts_and_to_both_ends() {
     let ball = trajectories::load("ball");
     let law = carom_impact::Energetic { restitution: 0.6, friction: 0.15 };
     let tosses = trajectories::thrown(&ball, law, &mut Rng::with_seed(16), 8);
-    let folder = Folder::new("tosses", "tosses.csv", &toss_table(&tosses, 0.1));
+    let folder = Data::new("tosses.csv", &toss_table(&tosses, 0.1));
     let urdf = format!("{}/../../robots/ball.urdf", env!("CARGO_MANIFEST_DIR"));
     std::fs::copy(urdf, folder.0.join("ball.urdf")).unwrap();
     let options = CompareOptions { folds: 2, trials: 36, tosses: 4, ..CompareOptions::default() };
@@ -230,7 +223,7 @@ fn tosses_are_judged_from_both_starts_and_to_both_ends() {
 #[test]
 fn data_that_cannot_be_compared_are_refused() {
     let rows = ellipse("newton", rough(0.5, 0.3), 10);
-    let folder = Folder::new("few", "impacts.csv", &table(&rows));
+    let folder = Data::new("impacts.csv", &table(&rows));
     let few = compare(&folder.set(), &CompareOptions::default(), QUIETLY).unwrap_err().to_string();
     assert!(few.ends_with("it has 10 measurements that can be compared, but 20 are needed for 5 folds"), "{few}");
     let one = compare(&folder.set(), &CompareOptions { folds: 1, ..CompareOptions::default() }, QUIETLY).unwrap_err();
@@ -249,7 +242,7 @@ fn data_that_cannot_be_compared_are_refused() {
 fn the_sense_of_the_tangential_arm_is_found() {
     let mut rows = ellipse("energetic", rough(0.5, 0.15), 60);
     rows.iter_mut().for_each(|row| row[9] = -row[9]);
-    let found = compared("arm", &rows, &CompareOptions { folds: 3, ..CompareOptions::default() });
+    let found = compared(&rows, &CompareOptions { folds: 3, ..CompareOptions::default() });
     let arm = row(&found, "energetic", &["arm"]);
     let fitted = arm.coefficients.iter().find(|one| one.name == "arm").unwrap();
     // noise of 1 % in 40 impacts
@@ -270,7 +263,7 @@ fn the_sense_of_the_tangential_arm_is_found() {
 fn the_exponent_of_the_approach_speed_is_recovered() {
     let at = |speed: f64| law_by_name::<2>("poisson", rough(0.6 * speed.powf(-0.25), 0.2)).unwrap();
     let rows = ellipse_at(&at, 60);
-    let found = compared("speed", &rows, &CompareOptions { folds: 3, ..CompareOptions::default() });
+    let found = compared(&rows, &CompareOptions { folds: 3, ..CompareOptions::default() });
     let own = row(&found, "poisson", &["arm", "speed"]);
     for (name, truth) in [("restitution", 0.6), ("friction", 0.2), ("arm", 1.0), ("speed_exponent", 0.25)] {
         let fitted = own.coefficients.iter().find(|one| one.name == name).unwrap();
