@@ -276,6 +276,22 @@ impl Touch {
         }
     }
 
+    /// Its links, with the greatest distance of a point of their shapes from their frames, m.
+    pub(crate) fn extents(&self) -> impl Iterator<Item = (&str, f64)> {
+        let shapes = match &self.kind {
+            TouchKind::Ball { shape, .. } => [Some(&**shape), None],
+            TouchKind::Pair { pair, .. } => match &pair.against {
+                Against::Link(other) => [Some(&pair.shape), Some(&**other)],
+                Against::Obstacle(_) => [Some(&pair.shape), None],
+            },
+            TouchKind::Limit { .. } => [None, None],
+        };
+        shapes.into_iter().flatten().map(|shape| {
+            let (centre, radius) = shape.solid().bounding_sphere();
+            (shape.link(), shape.origin().translation.norm() + centre.norm() + radius)
+        })
+    }
+
     /// Radius of a sphere about the body of its link, m; 0 for a limit.
     pub(crate) fn size(&self) -> f64 {
         match &self.kind {

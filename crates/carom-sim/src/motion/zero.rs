@@ -2,18 +2,19 @@
 //!
 //! | symbol | meaning | our name |
 //! | --- | --- | --- |
-//! | L | length of the scene: reach of the chain or size of a body, the larger one, m | `length` |
-//! | T | √(L/g); without gravity 1000 [`contact_step`](crate::Simulation::contact_step) | 1/`pace` |
+//! | L | length of the scene: the longest path along the links to a point of a shape, m | `length` |
+//! | x | L, or the largest length among positions and coordinates, m | `extent` |
+//! | T | 10 √(L/g), some periods of a pendulum; without gravity 1000 [`contact_step`](crate::Simulation::contact_step) | 1/`pace` |
 //! | v | largest joint velocity, angles times L, or velocity of a surface, m/s | `speed` |
 //! | τ | tolerance of the run | |
 //!
 //! | what | threshold | why |
 //! | --- | --- | --- |
-//! | rounding of a gap | 1e-14 L, or of the largest coordinate | a gap is a difference of positions |
+//! | rounding of a gap | 1e-14 x | a gap is a difference of positions |
 //! | an overlap that is not corrected | 1e-12 L | some digits above rounding |
-//! | a gap is closed, of a contact without normal velocity | min(τ, 1e-9) L | exact events leave rounding |
-//! | a gap is closed in the instant of an event | 1e-9 L | the event is that of another contact |
-//! | bodies overlap because a contact was missed | 10 max(τ, 1e-9) L | above what closed contacts leave |
+//! | a gap is closed, of a contact without normal velocity | min(τ, 1e-9) x | exact events leave rounding |
+//! | a gap is closed in the instant of an event | 1e-9 x | the event is that of another contact |
+//! | bodies overlap because a contact was missed | 10 max(τ, 1e-9) x | above what closed contacts leave |
 //! | error of a velocity along constraints: `noise` | max(τ, 1e-6) v / 100, at least τ L/(100 T) | states are projected, so that it is far below the tolerance |
 //! | a velocity is zero: `rest` | 10 times its error | one of this size stops within a time of the same size, and moves by its square |
 //! | approach velocity of a part beside another one: `still` | a hundredth of that | a fast turn about one part is a slow approach of the other |
@@ -24,9 +25,10 @@
 use super::smooth::Motion;
 use crate::contact::Touch;
 use crate::model::Simulation;
-use crate::state::{CLEAR, EQUAL, ROUNDING, Space, reach};
+use crate::state::{CLEAR, EQUAL, ROUNDING, Space, beyond, reach};
 use carom_chain::Coordinates;
 use carom_chain::urdf::JointType;
+use std::collections::BTreeMap;
 
 /// The units of a scene: see the head of this module.
 #[derive(Debug, Clone)]
@@ -43,20 +45,28 @@ pub(crate) struct Scale {
     lengths: Vec<usize>,
     /// For each touch what makes lengths such as its gap: 1/L for limits of hinges, else 1.
     pub per_touch: Vec<f64>,
-    /// The largest length among the coordinates, or L.
+    /// L, or the distance of a base from the origin if it is larger; and the largest length among the coordinates, too.
+    placed: f64,
     extent: f64,
 }
 
 /// [`Motion::noise`] as a share of the tolerance.
-const NOISE: f64 = 1e-2;
+const NOISE: f64 = 2e-2;
 
 impl Scale {
     pub fn new(sim: &Simulation) -> Self {
         let reach = reach(&sim.chain);
-        let body = sim.touches.iter().map(Touch::size).fold(reach, f64::max);
-        let length = if body > 0.0 && body.is_finite() { body } else { 1.0 };
+        let mut extents = BTreeMap::<&str, f64>::new();
+        for (link, extent) in sim.touches.iter().flat_map(Touch::extents) {
+            extents.entry(link).and_modify(|most| *most = most.max(extent)).or_insert(extent);
+        }
+        let extent = |link: &str| extents.get(link).copied().unwrap_or_default();
+        let size = beyond(&sim.chain, extent).into_iter().fold(0.0, f64::max);
+        let length = if size > 0.0 && size.is_finite() { size } else { 1.0 };
+        let bases = sim.chain.bodies().iter().filter(|body| body.parent.is_none());
+        let placed = bases.map(|body| body.placement.translation.norm()).fold(length, f64::max);
         let gravity = sim.gravity.norm();
-        let pace = if gravity > 0.0 { (gravity / length).sqrt() } else { 1e-3 / sim.contact_step };
+        let pace = if gravity > 0.0 { 0.1 * (gravity / length).sqrt() } else { 1e-3 / sim.contact_step };
         let mut levers = vec![length; sim.chain.nv()];
         let mut lengths = Vec::new();
         for joint in sim.chain.joints() {
@@ -71,7 +81,7 @@ impl Scale {
             lengths.extend(q.start..q.start + count);
         }
         let per_touch = sim.touches.iter().map(|touch| touch.stops().map_or(1.0, |(v, _)| levers[v].recip())).collect();
-        Self { reach, length, pace, levers, lengths, per_touch, extent: length }
+        Self { reach, length, pace, levers, lengths, per_touch, placed, extent: placed }
     }
 
     /// The largest of these joint velocities, angles times L, m/s.
@@ -81,7 +91,7 @@ impl Scale {
 
     /// Gaps up to this count as closed when another contact closes.
     pub fn touching(&self, touch: usize) -> f64 {
-        EQUAL * self.length * self.per_touch[touch]
+        EQUAL * self.extent * self.per_touch[touch]
     }
 
     /// The rounding of the gap of bodies, m.
@@ -135,7 +145,7 @@ impl<A: Space> Motion<'_, A> {
         let surfaces = self.moving.iter().map(|motion| motion.speed(time)).fold(0.0, f64::max);
         let (q, qd) = self.split(y);
         self.speed = self.scale.fastest(qd).max(surfaces);
-        self.scale.extent = self.scale.lengths.iter().fold(self.scale.length, |most, &k| most.max(q[k].abs()));
+        self.scale.extent = self.scale.lengths.iter().fold(self.scale.placed, |most, &k| most.max(q[k].abs()));
     }
 
     /// The error of velocities along constraints, m/s: slip below it has no direction of its own. Tolerances below 1e-6 do not refine the
@@ -168,11 +178,11 @@ impl<A: Space> Motion<'_, A> {
 
     /// Gaps below this count as closed where the contact has no normal velocity.
     pub fn closed(&self, touch: usize) -> f64 {
-        self.sim.tolerance.min(EQUAL) * self.scale.length * self.scale.per_touch[touch]
+        self.sim.tolerance.min(EQUAL) * self.scale.extent * self.scale.per_touch[touch]
     }
 
     /// Bodies that touch overlap by more than this only where another contact of their parts was missed, m.
     pub fn overlaps(&self) -> f64 {
-        10.0 * self.sim.tolerance.max(EQUAL) * self.scale.length
+        10.0 * self.sim.tolerance.max(EQUAL) * self.scale.extent
     }
 }

@@ -137,7 +137,7 @@ impl Plan {
                 let (tilt, touches) = (flat.tilt, merged(&self.simulation.touches, flat));
                 let merged = before - touches.len();
                 self.simulation.touches = touches;
-                let reach: f64 = beyond(&self.simulation.chain).iter().sum();
+                let reach: f64 = beyond(&self.simulation.chain, |_| 0.0).iter().sum();
                 self.keep("space", choice, format!("all {joints} moving joints move parallel to it"));
                 self.leave_out(
                     "space",

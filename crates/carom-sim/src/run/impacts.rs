@@ -30,7 +30,7 @@ use nalgebra::Vector3;
 const SHORT: f64 = 1e-7;
 /// Least height of a bounce, in units of the rounding of gaps, where the tolerance allows no greater one: without bounces of that height
 /// positions are in error by them.
-const LOWEST: f64 = 10.0;
+const LOWEST: f64 = 30.0;
 /// Longest time for which lower ones are passed, as a share of that of the scene: the error of this step is of third order.
 const LONGEST: f64 = 1e-4;
 /// Impacts count as slow up to the speed of a fall of this number of Zeno times.
@@ -70,7 +70,7 @@ impl<A: Space> Run<'_, '_, A> {
         // No path of this curvature reaches deeper.
         let (scale, speed) = (&self.motion.scale, self.motion.speed);
         let hysteresis = scale.hysteresis(touch);
-        if approach * approach > hysteresis * speed * speed * scale.per_touch[touch] / scale.length {
+        if approach * approach > 2.0 * hysteresis * speed * speed * scale.per_touch[touch] / scale.length {
             return Ok(false);
         }
         let away = self.motion.gap_acceleration(touch, self.time, &self.y)?;
@@ -185,7 +185,7 @@ impl<A: Space> Run<'_, '_, A> {
         let (Some(compliance), Some(_)) = (one.contact.compliance, one.link()) else { return Ok(false) };
         let (_, approach) = self.gap(touch)?;
         let (q, _) = self.q_qd();
-        let speed = self.pressing_speed(-approach);
+        let speed = (-approach).max(Compliance::SLOWEST);
         let law = compliance.normal(one.contact.law.restitution())?;
         let mass = self.motion.effective_mass(touch, &q, self.time)?;
         let depth = law.greatest_penetration(speed, mass);
@@ -207,12 +207,7 @@ impl<A: Space> Run<'_, '_, A> {
         let Some(compliance) = rule.compliance else { return Ok(0.0) };
         let (q, _) = self.q_qd();
         let mass = self.motion.effective_mass(touch, &q, self.time)?;
-        Ok(compliance.normal(rule.law.restitution())?.damping(self.pressing_speed(approach), mass))
-    }
-
-    /// The approach velocity by which the damping of a compliant contact is determined, m/s.
-    fn pressing_speed(&self, approach: f64) -> f64 {
-        approach.max(Compliance::SLOWEST * self.motion.scale.length * self.motion.scale.pace)
+        Ok(compliance.normal(rule.law.restitution())?.damping(approach.max(Compliance::SLOWEST), mass))
     }
 
     /// The beginning of a compliant contact.

@@ -151,7 +151,7 @@ fn refine(
         correction = (level - value) / rate;
         let negligible = correction.abs() <= 4.0 * f64::EPSILON * time.abs().max(time - start);
         // A gap is a difference of positions and is exact to their rounding only.
-        let reached = there.is_gap && (level - value).abs() <= 0.1 * there.least();
+        let reached = there.is_gap && (level - value).abs() <= 0.05 * there.least();
         if negligible || reached || !(start..=end).contains(&(time + correction)) {
             break;
         }
