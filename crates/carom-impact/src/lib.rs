@@ -123,10 +123,7 @@ pub use derivative::{Direction, LawDerivative, OneSided, Side};
 pub use error::ImpactError;
 pub use flags::Flags;
 pub use flow::{ImpulsePath, InvariantDirection, PathPoint};
-pub use laws::{
-    AnyLaw, Brach, ChatterjeeRuina, Coefficients, Energetic, Frictionless, LAW_NAMES, Law, Newton, Poisson, Smith,
-    Whittaker, law_by_name,
-};
+pub use laws::*;
 pub use least_norm::least_norm;
 pub use outcome::{ImpactOutcome, Mode, Phase};
 pub use problem::ImpactProblem;

@@ -1,6 +1,7 @@
 use nalgebra::RealField;
 
-use super::{AnyLaw, Kind, Law, check_restitution};
+use super::{Family, Rule, check_restitution};
+use crate::branches::Answers;
 use crate::outcome::{Account, Mode};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
@@ -41,23 +42,22 @@ pub struct Frictionless<T = f64> {
     pub restitution: T,
 }
 
-impl<T: RealField + Copy, const D: usize> Law<T, D> for Frictionless<T> {
-    fn name(&self) -> &'static str {
-        "frictionless"
+impl<T: RealField + Copy> Rule<T> for Frictionless<T> {
+    fn family<const D: usize>(&self, _: &ImpactProblem<T, D>) -> Family<T> {
+        Family::Frictionless
     }
 
-    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
+        Ok(Answers { first: self.resolve(problem)?, others: Vec::new() })
+    }
+
+    fn resolve<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
         check_restitution(self.restitution)?;
-        let name = Law::<T, D>::name(self);
         if problem.approach_speed() <= T::zero() {
-            return Ok(ImpactOutcome::none(name, problem, Flags::NONE));
+            return Ok(ImpactOutcome::none(Self::NAME, problem, Flags::NONE));
         }
         problem.check_normal()?;
-        frictionless(name, self.restitution, problem)
-    }
-
-    fn known(&self) -> Option<AnyLaw<T>> {
-        Some(AnyLaw(Kind::Frictionless(*self)))
+        frictionless(Self::NAME, self.restitution, problem)
     }
 }
 
