@@ -184,7 +184,8 @@ impl<const D: usize> ImpactProblem<f64, D> {
         } else if let Some(found) = law.with(coefficients).turning(&problem)? {
             // The outcome is that of the path along which the derivatives are integrated.
             let Found { impulse, u_plus, account } = found.plain();
-            (ImpactOutcome::of(Law::<f64, D>::name(law), self, impulse, u_plus, &account)?, lanes(found.impulse))
+            let name = Law::<f64, D>::name(law);
+            (ImpactOutcome::of(name, self, impulse, u_plus, account, Some(friction))?, lanes(found.impulse))
         } else {
             // Coefficients out of their ranges are errors of `resolve`.
             (law.resolve(self)?, lanes(law.with(coefficients).impulse(&problem)?))

@@ -125,7 +125,7 @@ pub use flags::Flags;
 pub use flow::{ImpulsePath, InvariantDirection, PathPoint};
 pub use laws::*;
 pub use least_norm::least_norm;
-pub use outcome::{ImpactOutcome, Mode, Phase};
+pub use outcome::{Account, ImpactOutcome, Mode, Phase};
 pub use problem::ImpactProblem;
 pub use several::{
     Accuracy, Constraint, EnergeticOutcome, Order, OrderError, OrderOutcome, OrderSet, PoissonOutcome,

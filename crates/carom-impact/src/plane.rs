@@ -103,7 +103,7 @@ pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
             return frictionless(law, restitution, problem);
         }
         let Found { impulse, u_plus, account } = in_space()?;
-        return ImpactOutcome::of(law, problem, impulse, u_plus, &account);
+        return ImpactOutcome::of(law, problem, impulse, u_plus, account, Some(mu));
     };
     let answer = in_plane(&plane.contact)?;
     plane.lift(law, problem, mu, answer)
@@ -123,7 +123,8 @@ pub(crate) fn others_with_friction<T: RealField + Copy, const D: usize>(
             .filter_map(|answer| plane.lift(law, problem, mu, answer).ok())
             .collect();
     }
-    let outcome = |Found { impulse, u_plus, account }| ImpactOutcome::of(law, problem, impulse, u_plus, &account);
+    let outcome =
+        |Found { impulse, u_plus, account }| ImpactOutcome::of(law, problem, impulse, u_plus, account, Some(mu));
     in_space().into_iter().filter_map(|found| outcome(found).ok()).collect()
 }
 
@@ -212,7 +213,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         let (impulse, u_plus) = self.ends(problem, mu, &answer);
         // Neither slip nor impulse across the plane: the energies, and their first derivatives, are those in the plane.
         let energies = contact.kinetic_energies([*contact.u_minus(), Vector2::new(answer.v_t, answer.v_n)]);
-        ImpactOutcome::with_energies(law, problem, (impulse, u_plus), energies, &answer.account)
+        ImpactOutcome::with_energies(law, problem, (impulse, u_plus), energies, answer.account, Some(mu))
     }
 
     /// Impulse and velocity after the impact in contact axes.

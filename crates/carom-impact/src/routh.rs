@@ -232,7 +232,6 @@ pub(crate) fn walk<T: RealField + Copy>(
             slip_end: slip_end.filter(|_| slips),
             slip_stop: slip_stops.filter(|_| slip_end.is_some() && slips),
             flags: Flags::SINGULAR.when(mu > zero && contact.is_singular()),
-            cone: Some(mu),
         },
         turns: Turns::InTime,
     })

@@ -150,7 +150,6 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
         slip_end,
         slip_stop,
         flags: Flags::JAM.when(flow.jams) | Flags::SINGULAR.when(contact.is_singular()),
-        cone: Some(mu),
     };
     Ok(Found { impulse, u_plus, account })
 }

@@ -113,10 +113,10 @@ impl<T: RealField + Copy> Brach<T> {
             }
         }
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
-        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus).in_cone(self.impulse_ratio.abs());
+        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
         // Also for a ratio along the slip, which cannot jam.
         account.flags |= Flags::SINGULAR.when(self.impulse_ratio != T::zero() && contact.is_singular());
-        ImpactOutcome::of(Self::NAME, problem, impulse, u_plus, &account)
+        ImpactOutcome::of(Self::NAME, problem, impulse, u_plus, account, Some(self.impulse_ratio.abs()))
     }
 }
 

@@ -111,11 +111,11 @@ impl<T: RealField + Copy> ChatterjeeRuina<T> {
             v_t.fill(T::zero());
         }
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
-        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus).in_cone(mu);
+        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
         if account.mode == Mode::Stick && mu == T::zero() && contact.slip.amax() > T::zero() {
             account.mode = Mode::Slip; // without friction it cannot stick
         }
         account.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
-        ImpactOutcome::of(Self::NAME, problem, impulse, u_plus, &account)
+        ImpactOutcome::of(Self::NAME, problem, impulse, u_plus, account, Some(mu))
     }
 }

@@ -78,10 +78,9 @@ pub(crate) fn frictionless<T: RealField + Copy, const D: usize>(
     u_plus[n] = -e * u[n];
 
     let slip = |x: &nalgebra::SVector<T, D>| (0..n).any(|i| x[i] != T::zero());
-    let mut account = Account::straight(e, &impulse, u, &u_plus).in_cone(T::zero());
+    let mut account = Account::straight(e, &impulse, u, &u_plus);
     if slip(u) && account.mode == Mode::Stick {
         account.mode = Mode::Slip; // without friction it cannot stick
     }
-    let energies = problem.kinetic_energies([*u, u_plus]);
-    ImpactOutcome::with_energies(law, problem, (impulse, u_plus), energies, &account)
+    ImpactOutcome::of(law, problem, impulse, u_plus, account, Some(T::zero()))
 }

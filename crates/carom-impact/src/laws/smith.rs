@@ -88,12 +88,12 @@ impl<T: RealField + Copy> Smith<T> {
         let (e, mu, contact) = (self.restitution, self.friction, Contact::of(problem));
         let impulse = Contact::lift(&tangent, p_n);
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
-        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus).in_cone(mu);
+        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
         if account.mode == Mode::Stick && contact.slip.amax() > T::zero() {
             account.mode = Mode::Slip; // this law does not stick
         }
         account.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
-        ImpactOutcome::of(Self::NAME, problem, impulse, u_plus, &account)
+        ImpactOutcome::of(Self::NAME, problem, impulse, u_plus, account, Some(mu))
     }
 }
 

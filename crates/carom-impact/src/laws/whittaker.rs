@@ -143,7 +143,7 @@ impl<T: RealField + Copy> Whittaker<T> {
         let impulse = Contact::lift(&touch.tangent, touch.normal);
         // Exactly opposed to the friction; zero if it sticks.
         let u_plus = Contact::lift(&(touch.tangent * -touch.slip), -e * contact.v_n);
-        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus).in_cone(self.friction);
+        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
         account.flags |= Flags::SINGULAR.when(contact.is_singular());
         Found { impulse, u_plus, account }
     }
@@ -232,7 +232,6 @@ fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T, wh
             slip_end: None,
             slip_stop: None,
             flags,
-            cone: Some(mu),
         },
         turns: Turns::AtTheEnd,
     })
