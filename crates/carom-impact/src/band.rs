@@ -33,11 +33,15 @@ use crate::contact::{Contact, length};
 use crate::derivative::known;
 use crate::laws::{AnyLaw, Family};
 use crate::plane::in_slip_plane;
+use crate::roots::bisect;
 use crate::routh::Ending;
 use crate::{Coefficients, ImpactError, ImpactProblem, Law, Mode, Phase};
 
 /// Points at which the derivative is evaluated on an interval without a proof.
 const LOOKS: usize = 24;
+
+/// Halvings of an interval around an extreme, at which the output is flat.
+const HALVINGS: usize = 48;
 
 /// Points along each side of the grid.
 const GRID: usize = 25;
@@ -238,13 +242,17 @@ impl<const D: usize> Search<'_, D> {
                 let output = self.outputs[i];
                 let (first, last) = (output.dot(&before), output.dot(&after));
                 if first * last < 0.0 {
-                    let (mut left, mut right) = (at(k - 1), at(k));
-                    for _ in 0..48 {
-                        let middle = 0.5 * (left + right);
-                        let slope = output.dot(&self.slope(e, middle)?);
-                        if slope * first > 0.0 { left = middle } else { right = middle }
-                    }
-                    self.visit(e, 0.5 * (left + right))?;
+                    let mut refused = Ok(());
+                    let turns = |mu: f64| match self.slope(e, mu) {
+                        Ok(slope) => output.dot(&slope) * first <= 0.0,
+                        Err(why) => {
+                            refused = Err(why);
+                            true
+                        }
+                    };
+                    let extreme = bisect(at(k - 1), at(k), HALVINGS, turns);
+                    refused?;
+                    self.visit(e, extreme)?;
                 }
             }
             before = after;

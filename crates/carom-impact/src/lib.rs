@@ -109,6 +109,8 @@ mod least_norm;
 mod outcome;
 mod plane;
 mod problem;
+#[doc(hidden)]
+pub mod roots;
 mod routh;
 mod scalar;
 mod several;

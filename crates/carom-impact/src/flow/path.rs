@@ -17,6 +17,7 @@ use super::{Flow, Piece, State, Turn, length};
 use crate::contact::Contact;
 use crate::laws::check_friction;
 use crate::problem::rounding;
+use crate::roots::{MOST_STEPS, bisect};
 use crate::{ImpactError, ImpactProblem};
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -168,14 +169,8 @@ impl ImpactProblem<f64, 3> {
         }
         let [h1, h2] = axes.map(|axis| axis.dot(&h));
         let turning = |angle: f64| h2 * angle.cos() - h1 * angle.sin() - spread * angle.sin() * angle.cos();
-        // Bisection alone: Newton's method could converge to a zero at the end of a bracket, which symmetry may cause.
-        let between = |mut negative: f64, mut positive: f64| {
-            for _ in 0..60 {
-                let middle = (negative + positive) / 2.0;
-                if turning(middle) > 0.0 { positive = middle } else { negative = middle }
-            }
-            positive
-        };
+        // By the sign alone: there may be a zero at the end of a bracket, which symmetry may cause.
+        let between = |negative, positive| bisect(negative, positive, MOST_STEPS, |angle| turning(angle) > 0.0);
         let mut angles = vec![between(FRAC_PI_2, 0.0), between(PI, 1.5 * PI)];
         let share = |x: f64| x.cbrt().powi(2);
         if share(h1) + share(h2) < share(spread) {

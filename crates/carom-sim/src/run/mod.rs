@@ -11,7 +11,6 @@ mod leg;
 mod memory;
 mod observer;
 mod open;
-mod root;
 mod sampler;
 mod sensitivity;
 mod session;

@@ -21,11 +21,11 @@
 //! zero where they did.
 
 use super::flow::System;
-use super::root::descent;
 use super::sampler::{Sampler, Step};
 use super::trajectory::Segment;
 use super::witness::{HYSTERESIS, Witness};
 use crate::contact::APART;
+use carom_impact::roots::descent;
 use ivp::dense::StepInterpolant;
 use ivp::solout::{ControlFlag, SolOut};
 
