@@ -20,8 +20,8 @@
 use nalgebra::{Matrix2, RealField, Vector2, convert};
 
 use crate::contact::{Contact, Mobility, length};
-use crate::problem::{NULL_PIVOT, rounding};
 use crate::roots::bisect;
+use crate::rounding::{NULL_PIVOT, rounding};
 
 /// One contact, prepared for any velocity.
 #[derive(Debug, Clone, Copy)]

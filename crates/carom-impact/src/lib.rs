@@ -111,6 +111,7 @@ mod plane;
 mod problem;
 #[doc(hidden)]
 pub mod roots;
+mod rounding;
 mod routh;
 mod scalar;
 mod several;

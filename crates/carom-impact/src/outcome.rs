@@ -6,11 +6,9 @@ use std::ops::{Deref, DerefMut};
 use nalgebra::{RealField, SVector, Vector2, Vector3, convert};
 
 use crate::check::{check, is_clear};
-use crate::problem::{plain, rounding};
+use crate::problem::plain;
+use crate::rounding::{CANCELLED, rounding};
 use crate::{Flags, ImpactError, ImpactProblem};
-
-/// An energy gain below this multiple of ε times the energies exchanged counts as rounding.
-const GAIN: f64 = 64.0;
 
 /// An approach slower than this share of the contact speed is flagged as grazing.
 const GRAZING: f64 = 1e-9;
@@ -218,7 +216,7 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         let energy_change = impulse.dot(&(u_minus + u_plus)) * half;
         // ½ P·(u⁻ + u⁺) may be a small difference of large terms, which determine its rounding error.
         let passed = || impulse.abs().dot(&(u_minus.abs() + u_plus.abs())) * half;
-        let gains = energy_change > T::zero() && energy_change > (energy_before + passed()) * rounding(GAIN);
+        let gains = energy_change > T::zero() && energy_change > (energy_before + passed()) * rounding(CANCELLED);
         let v_n = problem.approach_speed();
         let grazes = v_n * v_n < u_minus.norm_squared() * convert(GRAZING * GRAZING);
         account.flags |= Flags::ENERGY_GAIN.when(gains)

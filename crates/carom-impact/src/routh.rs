@@ -32,7 +32,8 @@
 use nalgebra::{RealField, convert};
 
 use crate::outcome::{Account, Mode, Phase};
-use crate::problem::{plain, rounding};
+use crate::problem::plain;
+use crate::rounding::rounding;
 use crate::{Flags, ImpactError, ImpactProblem};
 
 /// Which slip friction is opposed to, if the slip turns.

@@ -16,16 +16,13 @@ use nalgebra::{SVector, Vector2};
 use super::{Flow, Piece, State, Turn, length};
 use crate::contact::Contact;
 use crate::laws::check_friction;
-use crate::problem::rounding;
 use crate::roots::{MOST_STEPS, bisect};
+use crate::rounding::{CANCELLED, rounding};
 use crate::{ImpactError, ImpactProblem};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Points per step of the power series, over which slip turns by about a right angle at most.
 const POINTS: usize = 16;
-
-/// If coupling and friction are below this multiple of ε times `H_tt`, slip does not turn.
-const STILL: f64 = 64.0;
 
 /// The path of an impact in impulse and velocity while friction is opposed to the slip of each instant: a polygon.
 ///
@@ -156,7 +153,8 @@ impl ImpactProblem<f64, 3> {
         let (a, h) = (contact.tangents, contact.coupling);
         let (half, off) = ((a[(0, 0)] - a[(1, 1)]) / 2.0, a[(0, 1)]);
         let spread = friction * 2.0 * half.hypot(off);
-        if length(&h) + spread <= (h.amax() + friction * a.amax()) * rounding::<f64>(STILL) {
+        // Slip without coupling and friction does not turn.
+        if length(&h) + spread <= (h.amax() + friction * a.amax()) * rounding::<f64>(CANCELLED) {
             return Ok(Vec::new());
         }
         // The axis of the larger eigenvalue lies at half the angle of (half, off), the first axis across it.

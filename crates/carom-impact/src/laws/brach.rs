@@ -4,7 +4,7 @@ use super::{Family, Rule, check_friction, check_impulse_ratio, check_restitution
 use crate::branches::Answers;
 use crate::contact::{Contact, length};
 use crate::outcome::Account;
-use crate::problem::{NULL_PIVOT, rounding};
+use crate::rounding::{NULL_PIVOT, rounding};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// Newton's coefficient, and a prescribed impulse ratio r in the direction t of the initial slip, clipped to the

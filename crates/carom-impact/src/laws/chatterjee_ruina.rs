@@ -4,7 +4,7 @@ use super::{Family, Rule, check_friction, check_restitution, check_tangential_re
 use crate::branches::Answers;
 use crate::contact::{Contact, length};
 use crate::outcome::{Account, Mode};
-use crate::problem::{NULL_PIVOT, rounding};
+use crate::rounding::{NULL_PIVOT, rounding};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// A combination of two plastic impulses, one without friction (P₁) and one that sticks (P₂), with a normal and a

@@ -5,7 +5,7 @@ use crate::branches::Answers;
 use crate::cone::{Cone, Touch};
 use crate::contact::{Contact, Mobility, length};
 use crate::outcome::{Account, Mode};
-use crate::problem::{NULL_PIVOT, rounding};
+use crate::rounding::{NULL_PIVOT, rounding};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// A value below this multiple of ε times the terms it is compared with counts as zero.

@@ -7,7 +7,7 @@ use crate::contact::{Contact, length};
 use crate::flow::Found;
 use crate::outcome::{Account, Mode};
 use crate::plane::{others_with_friction, resolve_with_friction};
-use crate::problem::rounding;
+use crate::rounding::rounding;
 use crate::routh::{Answer, Turns, coefficient_of_work};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
