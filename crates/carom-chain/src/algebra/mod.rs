@@ -10,9 +10,9 @@
 //!
 //! | symbol | size (plane, space) | meaning | our name |
 //! | --- | --- | --- | --- |
-//! | v = (ω, v) | 3, 6 | velocity: angular, and linear at the origin | [`Motion`] |
-//! | f = (n, f) | 3, 6 | force: moment about the origin, and force | [`Force`] |
-//! | s | 3, 6 | one column of a joint's motion subspace | [`Axis`] |
+//! | v = (ω, v) | 3, 6 | velocity: angular, and linear at the origin | `Motion` |
+//! | f = (n, f) | 3, 6 | force: moment about the origin, and force | `Force` |
+//! | s | 3, 6 | one column of a joint's motion subspace | `Axis` |
 //! | I = (m, h, I) | – | mass, first moment m·c, rotational inertia about the origin | [`Inertia`] |
 //! | Iᴬ | 3×3, 6×6 | articulated-body inertia | `Algebra::Articulated` |
 //! | r | 2, 3 | from the parent's origin to the body's own | `offset` |
@@ -235,6 +235,7 @@ pub trait Articulated<A: Algebra>: Copy + Debug + Send + Sync + AddAssign + 'sta
 }
 
 /// A velocity or acceleration: rad/s and m/s, or their rates.
+#[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion<A: Algebra> {
     /// Angular part.
@@ -244,6 +245,7 @@ pub struct Motion<A: Algebra> {
 }
 
 /// A force or impulse: N m and N, or N m s and N s.
+#[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Force<A: Algebra> {
     /// Moment about the reference point.
@@ -253,6 +255,7 @@ pub struct Force<A: Algebra> {
 }
 
 /// One column of a joint's motion subspace, about the joint's own origin.
+#[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Axis<A: Algebra> {
     /// Rotation about this direction (unit, times the ratio of a mimic joint).
