@@ -91,7 +91,7 @@ macro_rules! meaning {
 /// The class of a law, by its row in the table of laws.
 macro_rules! class {
     // Brach's law has an argument that takes the place of friction.
-    ($(#[$doc:meta])* $name:literal BrachTowardsRest friction) => {
+    ($(#[$doc:meta])* BrachTowardsRest friction) => {
         $(#[$doc])*
         ///
         /// Args:
@@ -107,7 +107,7 @@ macro_rules! class {
             impulse_ratio: Option<f64>,
         }
     };
-    ($(#[$doc:meta])* $name:literal $class:ident $($more:ident)*) => {
+    ($(#[$doc:meta])* $class:ident $($more:ident)*) => {
         $(#[$doc])*
         ///
         /// Args:
@@ -124,8 +124,7 @@ macro_rules! class {
             #[new]
             #[pyo3(signature = (restitution $(, $more = 0.0)*))]
             fn new(restitution: f64 $(, $more: f64)*) -> PyResult<PyClassInitializer<Self>> {
-                let coefficients = Coefficients { restitution, $($more,)* ..Default::default() };
-                let law = AnyLaw::named($name, coefficients).ok_or_else(|| PyTypeError::new_err($name))?;
+                let law = AnyLaw::from(carom_impact::$class { restitution $(, $more)* });
                 let given = [("restitution", restitution) $(, (stringify!($more), $more))*];
                 Ok(PyClassInitializer::from(known(stringify!($class), law, &given)?).add_subclass(Self))
             }
@@ -142,7 +141,7 @@ macro_rules! class {
 /// The classes of the laws, and the function that adds them to the module.
 macro_rules! classes {
     ($($(#[$doc:meta])* $name:literal $class:ident { restitution $(, $more:ident)* } $summary:literal;)*) => {
-        $(class! { $(#[$doc])* $name $class $($more)* })*
+        $(class! { $(#[$doc])* $class $($more)* })*
 
         type BrachTowardsRest = BrachLaw;
 
