@@ -1,32 +1,17 @@
-//! Systems with the mass matrix: by the articulated-body recursion, or by the factorisation M = L Lᵀ for chains with mimic
+//! Systems with the mass matrix: by the articulated-body recursion, or by the factor of the whole matrix for chains with mimic
 //! joints.
 
 use crate::algebra::Algebra;
-use crate::delassus::singular;
+use crate::delassus::{Dense, singular};
 use crate::error::ChainError;
 use crate::kinematics::Kinematics;
-use nalgebra::{Cholesky, DVector, Dyn, RealField, convert, try_convert};
+use nalgebra::{DVector, RealField, convert, try_convert};
 use std::cmp::Ordering;
 
 impl<A: Algebra> Kinematics<'_, A>
 where
     A::Scalar: RealField,
 {
-    /// Solves M x = `joint_force`: by the recursion, or by the dense method for chains with mimic joints.
-    ///
-    /// # Errors
-    /// [`ChainError::NoInertia`] where M is singular, [`ChainError::WrongLength`].
-    pub(crate) fn solve(&mut self, joint_force: &[A::Scalar]) -> Result<DVector<A::Scalar>, ChainError> {
-        self.chain.check_nv("tau", joint_force.len())?;
-        if self.chain.is_coupled() {
-            let cholesky = self.cholesky()?;
-            return Ok(cholesky.solve(&DVector::from_column_slice(joint_force)));
-        }
-        let mut out = DVector::zeros(self.chain.nv);
-        self.articulate_checked(&[])?.solve_into(joint_force, out.as_mut_slice())?;
-        Ok(out)
-    }
-
     /// Forward dynamics q̈ = M⁻¹(τ − C q̇ − g): by the recursion, or by the dense method for chains with mimic joints.
     /// `gravity` in world axes, m/s². Joint damping and friction of the file are not included: add them to τ.
     ///
@@ -55,31 +40,24 @@ where
         qdd: &mut [A::Scalar],
     ) -> Result<(), ChainError> {
         if self.chain.is_coupled() {
-            self.chain.check_nv("tau", tau.len())?;
-            self.chain.check_nv("qdd", qdd.len())?;
-            let left = DVector::from_column_slice(tau) - self.bias(qd, gravity)?;
-            qdd.copy_from_slice(self.solve(left.as_slice())?.as_slice());
-            return Ok(());
+            let mut dense = self.dense(&[])?;
+            return self.dense_dynamics(&mut dense, (qd, tau, gravity), qdd);
         }
         self.articulate_checked(&[])?.forward_dynamics_into(qd, tau, gravity, qdd)
     }
 
-    /// M = L Lᵀ, with an error if a pivot is no larger than the rounding error of its diagonal entry.
-    pub(crate) fn cholesky(&mut self) -> Result<Cholesky<A::Scalar, Dyn>, ChainError> {
-        let m = self.mass_matrix();
-        let lost = |c: &Cholesky<A::Scalar, Dyn>, k: usize| {
-            let root = c.l_dirty()[(k, k)];
-            root * root <= m[(k, k)] * singular()
-        };
-        let at = match m.clone().cholesky() {
-            Some(c) => match (0..m.nrows()).find(|&k| lost(&c, k)) {
-                None => return Ok(c),
-                at => at,
-            },
-            // nalgebra does not return where the factorisation failed: the first leading block without a factor.
-            None => (0..m.nrows()).find(|&k| m.view((0, 0), (k + 1, k + 1)).clone_owned().cholesky().is_none()),
-        };
-        Err(self.no_inertia(at.unwrap_or(0)))
+    /// As [`Self::forward_dynamics_into`], by the factor of the whole matrix.
+    pub(crate) fn dense_dynamics(
+        &mut self,
+        dense: &mut Dense<A>,
+        (qd, tau, gravity): (&[A::Scalar], &[A::Scalar], A::Vector),
+        qdd: &mut [A::Scalar],
+    ) -> Result<(), ChainError> {
+        self.chain.check_nv("tau", tau.len())?;
+        self.chain.check_nv("qdd", qdd.len())?;
+        qdd.copy_from_slice((DVector::from_column_slice(tau) - self.bias(qd, gravity)?).as_slice());
+        dense.solve(qdd);
+        Ok(())
     }
 
     /// The error for a coordinate whose joint moves no inertia, or whose inertia is lost: beside m L² of bodies at a distance L,

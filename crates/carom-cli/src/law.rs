@@ -5,7 +5,9 @@ use crate::files;
 use crate::input::{check_coefficients, for_each_line, within};
 use crate::output::{answer, row, say, short, write_whole};
 use crate::record::{Record, record_diagrams};
-use carom_impact::{Coefficients, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, law_by_name};
+use carom_impact::{
+    Coefficients, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, LAWS, Law, LawInfo, law_by_name,
+};
 use carom_study::{Diagram, LawPoint, hodograph, impulse_space, routh_diagram};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
@@ -14,33 +16,18 @@ use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// What a law is, in the help texts of `--law`; lines of 70 columns at most.
-fn describe(law: &str) -> &'static str {
-    match law {
-        "frictionless" => "ratio of velocities (Newton), no friction",
-        "whittaker" => "ratio of velocities, friction against the last slip; can gain energy",
-        "newton" => "ratio of velocities, friction at each instant; can gain energy",
-        "poisson" => "ratio of impulses (Poisson), friction at each instant",
-        "energetic" => "ratio of works (Stronge), friction at each instant",
-        "chatterjee-ruina" => "formula with normal and tangential restitution",
-        "brach" => "impulse ratio, limited so that no energy is gained",
-        "smith" => "friction against a mean of the first and the last slip",
-        "all" => "every law; those without an answer are listed with the reason",
-        _ => "",
-    }
-}
-
 /// The values of an option that takes a law, each with its description.
-pub fn laws(more: Option<&'static str>) -> PossibleValuesParser {
-    let value = |law: &'static str| PossibleValue::new(law).help(describe(law));
-    PossibleValuesParser::new(LAW_NAMES.into_iter().chain(more).map(value))
+pub fn laws(all: bool) -> PossibleValuesParser {
+    let all = all.then_some(("all", "every law; those without an answer are listed with the reason"));
+    let own = LAWS.into_iter().map(|law| (law.name, law.summary));
+    PossibleValuesParser::new(own.chain(all).map(|(law, summary)| PossibleValue::new(law).help(summary)))
 }
 
 // Which law, with which coefficients.
 #[derive(Args)]
 pub struct LawArgs {
     /// Impact law
-    #[arg(long, value_parser = laws(Some("all")))]
+    #[arg(long, value_parser = laws(true))]
     law: String,
     /// Coefficient of restitution, 0 to 1
     ///
@@ -61,7 +48,7 @@ pub fn tangential(law: &str, given: Option<f64>) -> Result<f64, CliError> {
     let Some(et) = given else { return Ok(0.0) };
     let rule = "a coefficient of tangential restitution lies between -1 and 1";
     within("--tangential-restitution", et, -1.0..=1.0, rule)?;
-    if !["all", "chatterjee-ruina"].contains(&law) {
+    if LawInfo::named(law).is_some_and(|law| !law.has("tangential_restitution")) {
         say(&format!("warning: --tangential-restitution is not used by {law}"));
     }
     Ok(et)

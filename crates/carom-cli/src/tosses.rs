@@ -41,7 +41,7 @@ pub struct TossesCommand {
     #[command(flatten)]
     load: LoadArgs,
     /// Impact law
-    #[arg(long, value_parser = laws(None), default_value = "whittaker")]
+    #[arg(long, value_parser = laws(false), default_value = "whittaker")]
     law: String,
     /// Coefficient of restitution, 0 to 1
     #[arg(long, value_name = "E", default_value_t = 0.0, allow_hyphen_values = true)]

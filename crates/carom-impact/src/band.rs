@@ -31,12 +31,17 @@ use nalgebra::SVector;
 
 use crate::contact::{Contact, length};
 use crate::derivative::known;
-use crate::laws::AnyLaw;
+use crate::laws::{AnyLaw, Family};
 use crate::plane::in_slip_plane;
+use crate::roots::bisect;
+use crate::routh::Ending;
 use crate::{Coefficients, ImpactError, ImpactProblem, Law, Mode, Phase};
 
 /// Points at which the derivative is evaluated on an interval without a proof.
 const LOOKS: usize = 24;
+
+/// Halvings of an interval around an extreme, at which the output is flat.
+const HALVINGS: usize = 48;
 
 /// Points along each side of the grid.
 const GRID: usize = 25;
@@ -111,12 +116,13 @@ impl<const D: usize> ImpactProblem<f64, D> {
                 search.visit(e, mu)?;
             }
         }
-        if self.approach_speed() <= 0.0 || law.is_frictionless() || friction == [0.0; 2] {
+        if self.approach_speed() <= 0.0 || friction == [0.0; 2] {
             return Ok(search.band);
         }
-        match (in_slip_plane(self), law.cone()) {
-            (_, Some(Some(tangential))) => search.cone(tangential, restitution, friction)?,
-            (Some(plane), _) if law.follows_slip() => search.path(&plane, restitution, friction)?,
+        match (law.family(self), in_slip_plane(self)) {
+            (Family::Frictionless, _) => {}
+            (Family::Cone(Some(tangential)), _) => search.cone(tangential, restitution, friction)?,
+            (Family::Path(path), Some(plane)) => search.path(&plane, path.ending, restitution, friction)?,
             _ => search.grid(restitution, friction)?,
         }
         Ok(search.band)
@@ -173,6 +179,7 @@ impl<const D: usize> Search<'_, D> {
     fn path(
         &mut self,
         plane: &ImpactProblem<f64, 2>,
+        ending: Ending,
         restitution: [f64; 2],
         [mu_low, mu_high]: [f64; 2],
     ) -> Result<(), ImpactError> {
@@ -190,7 +197,7 @@ impl<const D: usize> Search<'_, D> {
             for pair in cuts.windows(2) {
                 self.visit(e, pair[1])?;
                 if pair[1] - pair[0] > 1e-12 * pair[1] {
-                    self.stretch(e, pair[0], pair[1])?;
+                    self.stretch(ending, e, [pair[0], pair[1]])?;
                 }
             }
         }
@@ -206,7 +213,7 @@ impl<const D: usize> Search<'_, D> {
     }
 
     /// The extremes in μ within one class.
-    fn stretch(&mut self, e: f64, low: f64, high: f64) -> Result<(), ImpactError> {
+    fn stretch(&mut self, ending: Ending, e: f64, [low, high]: [f64; 2]) -> Result<(), ImpactError> {
         let middle = self.law(e, 0.5 * (low + high)).resolve(self.problem)?;
         let stops_early = middle.slip_end == Some(Phase::Compression);
         let (monotone, bent) = match middle.mode {
@@ -214,8 +221,9 @@ impl<const D: usize> Search<'_, D> {
             Mode::Slip => (true, true),
             Mode::Stick if middle.slip_end.is_none() => (true, true),
             Mode::Stick => {
-                let newton = self.law.is_newton();
-                (newton || (stops_early && self.law.is_rational()), stops_early || self.law.is_rational())
+                // The outcomes of Newton's and Poisson's law contain no square root.
+                let rational = ending != Ending::Work;
+                (ending == Ending::Velocity || (stops_early && rational), stops_early || rational)
             }
             _ => (false, false),
         };
@@ -234,13 +242,17 @@ impl<const D: usize> Search<'_, D> {
                 let output = self.outputs[i];
                 let (first, last) = (output.dot(&before), output.dot(&after));
                 if first * last < 0.0 {
-                    let (mut left, mut right) = (at(k - 1), at(k));
-                    for _ in 0..48 {
-                        let middle = 0.5 * (left + right);
-                        let slope = output.dot(&self.slope(e, middle)?);
-                        if slope * first > 0.0 { left = middle } else { right = middle }
-                    }
-                    self.visit(e, 0.5 * (left + right))?;
+                    let mut refused = Ok(());
+                    let turns = |mu: f64| match self.slope(e, mu) {
+                        Ok(slope) => output.dot(&slope) * first <= 0.0,
+                        Err(why) => {
+                            refused = Err(why);
+                            true
+                        }
+                    };
+                    let extreme = bisect(at(k - 1), at(k), HALVINGS, turns);
+                    refused?;
+                    self.visit(e, extreme)?;
                 }
             }
             before = after;

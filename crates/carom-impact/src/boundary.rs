@@ -9,6 +9,7 @@ use nalgebra::SVector;
 
 use crate::contact::{Contact, length};
 use crate::derivative::known;
+use crate::laws::Family;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem, Law, Mode, Phase};
 
 /// The condition that holds on a boundary between two modes, in the order of an impact.
@@ -114,30 +115,32 @@ impl<const D: usize> ImpactProblem<f64, D> {
         let mut add = |edge, beyond, margin| found.push(Boundary { edge, beyond, margin });
         if mu > 0.0 && D > 1 {
             add(Edge::NoSlip, across_rest(outcome.mode), slip / speed);
-            if law.follows_slip() {
-                self.along_the_slip(&contact, mu, &outcome, &mut add);
-            }
-            if let Some(tangential) = law.cone() {
-                let tangential_size = |x: &SVector<f64, D>| x.rows(0, D - 1).norm();
-                let (along, p_n) = (tangential_size(&outcome.impulse), outcome.impulse[D - 1]);
-                let end = tangential_size(&outcome.u_plus);
-                match tangential {
-                    None if outcome.mode == Mode::Stick => add(Edge::OnCone, Mode::Slip, apart(along, mu * p_n)),
-                    None => add(Edge::OnCone, Mode::Stick, end / (end + speed)),
-                    Some(e_t) => {
-                        let smooth = -contact.v_n / contact.normal;
-                        let free = contact.slip + contact.coupling * smooth;
-                        let stop = length(&contact.at_held_normal().least_solution(&free));
-                        let (asked, given) = ((1.0 + e_t) * stop, along);
-                        let inside = given >= asked * (1.0 - 1e-12);
-                        // Inside the cone the impulse is compared with the cone, on it with the prescribed one.
-                        let margin = if inside { apart(along, mu * p_n) } else { apart(asked, given) };
-                        add(Edge::OnCone, outcome.mode, margin);
+            match law.family(self) {
+                Family::Path(_) => self.along_the_slip(&contact, mu, &outcome, &mut add),
+                Family::Cone(tangential) => {
+                    let tangential_size = |x: &SVector<f64, D>| x.rows(0, D - 1).norm();
+                    let (along, p_n) = (tangential_size(&outcome.impulse), outcome.impulse[D - 1]);
+                    let end = tangential_size(&outcome.u_plus);
+                    match tangential {
+                        None if outcome.mode == Mode::Stick => add(Edge::OnCone, Mode::Slip, apart(along, mu * p_n)),
+                        None => add(Edge::OnCone, Mode::Stick, end / (end + speed)),
+                        Some(e_t) => {
+                            let smooth = -contact.v_n / contact.normal;
+                            let free = contact.slip + contact.coupling * smooth;
+                            let stop = length(&contact.at_held_normal().least_solution(&free));
+                            let (asked, given) = ((1.0 + e_t) * stop, along);
+                            let inside = given >= asked * (1.0 - 1e-12);
+                            // Inside the cone the impulse is compared with the cone, on it with the prescribed one.
+                            let margin = if inside { apart(along, mu * p_n) } else { apart(asked, given) };
+                            add(Edge::OnCone, outcome.mode, margin);
+                        }
                     }
                 }
-            }
-            if let Some((asked, bound)) = law.brach_ratios(self) {
-                add(Edge::Clipped, outcome.mode, apart(asked, bound));
+                Family::Ratio(brach) => {
+                    let (asked, bound) = brach.asked_and_bound(self);
+                    add(Edge::Clipped, outcome.mode, apart(asked, bound));
+                }
+                Family::Frictionless | Family::Mean => {}
             }
         }
         found.sort_by(|a, b| a.margin.total_cmp(&b.margin));

@@ -14,7 +14,8 @@
 use nalgebra::{RealField, SVector, convert};
 
 use crate::outcome::finite;
-use crate::problem::{NULL_PIVOT, plain, rounding};
+use crate::problem::plain;
+use crate::rounding::{NULL_PIVOT, rounding};
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
 /// 1e-9, far above what laws leave and far below what matters in a motion; more in a precision that does not have it.

@@ -20,7 +20,8 @@
 use nalgebra::{Matrix2, RealField, Vector2, convert};
 
 use crate::contact::{Contact, Mobility, length};
-use crate::problem::{NULL_PIVOT, rounding};
+use crate::roots::bisect;
+use crate::rounding::{NULL_PIVOT, rounding};
 
 /// One contact, prepared for any velocity.
 #[derive(Debug, Clone, Copy)]
@@ -177,16 +178,10 @@ fn positive_roots<T: RealField + Copy>(c: &[T]) -> Vec<T> {
     points.push(bound);
     let mut roots = Vec::new();
     for pair in points.windows(2) {
-        let (mut low, mut high) = (pair[0], pair[1]);
-        let sign = value(c, low);
-        if sign * value(c, high) >= T::zero() {
-            continue;
+        let sign = value(c, pair[0]);
+        if sign * value(c, pair[1]) < T::zero() {
+            roots.push(bisect(pair[0], pair[1], 100, |s| value(c, s) * sign <= T::zero()));
         }
-        for _ in 0..100 {
-            let middle = (low + high) * convert(0.5);
-            if value(c, middle) * sign > T::zero() { low = middle } else { high = middle }
-        }
-        roots.push(high);
     }
     roots
 }

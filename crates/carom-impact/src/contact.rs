@@ -12,11 +12,9 @@
 
 use nalgebra::{Matrix2, RealField, SVector, Vector2};
 
-use crate::problem::{NULL_PIVOT, plain, rounding};
+use crate::problem::plain;
+use crate::rounding::{CANCELLED, NULL_PIVOT, rounding};
 use crate::{ImpactError, ImpactProblem};
-
-/// A slip below this multiple of ε times the terms that cancel in it counts as zero.
-const REST: f64 = 64.0;
 
 /// A contact with two tangents.
 #[derive(Debug, Clone, Copy)]
@@ -72,7 +70,7 @@ impl<T: RealField + Copy> Contact<T> {
     /// Whether the slip `v_t` after the impulses is rounding of the terms that cancel in it.
     pub fn rests(&self, v_t: &Vector2<T>, p_t: &Vector2<T>, p_n: T) -> bool {
         let terms = self.slip.abs() + self.tangents.abs() * p_t.abs() + self.coupling.abs() * p_n.abs();
-        v_t.amax() <= terms.amax() * rounding(REST)
+        v_t.amax() <= terms.amax() * rounding(CANCELLED)
     }
 
     /// The error of a contact that sticks at normal velocity `v_n` with this inverse mass along its normal.

@@ -18,7 +18,7 @@ use num_dual::DualSVec64;
 
 use crate::flow::Found;
 use crate::laws::AnyLaw;
-use crate::{Coefficients, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, Mode, Phase};
+use crate::{Coefficients, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, Mode, Phase};
 
 /// The value that represents a friction of zero from the right; smaller than any rounding error.
 const HARDLY_ANY: f64 = 1e-30;
@@ -176,7 +176,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
         let last = lane - 1;
         let (outcome, by) = if friction == 0.0 {
             // Without friction all laws are the frictionless one, but not their derivative with respect to μ.
-            let mut by = lanes(AnyLaw::frictionless(coefficients.restitution).impulse(&problem)?);
+            let mut by = lanes(AnyLaw::from(Frictionless { restitution: coefficients.restitution }).impulse(&problem)?);
             let friction = plain(HARDLY_ANY).derivative(last);
             let rougher = law.with(Coefficients { friction, ..coefficients });
             by.set_column(last, &lanes(rougher.impulse(&problem)?).column(last));
@@ -184,7 +184,8 @@ impl<const D: usize> ImpactProblem<f64, D> {
         } else if let Some(found) = law.with(coefficients).turning(&problem)? {
             // The outcome is that of the path along which the derivatives are integrated.
             let Found { impulse, u_plus, account } = found.plain();
-            (ImpactOutcome::of(Law::<f64, D>::name(law), self, impulse, u_plus, &account)?, lanes(found.impulse))
+            let name = Law::<f64, D>::name(law);
+            (ImpactOutcome::of(name, self, impulse, u_plus, account, Some(friction))?, lanes(found.impulse))
         } else {
             // Coefficients out of their ranges are errors of `resolve`.
             (law.resolve(self)?, lanes(law.with(coefficients).impulse(&problem)?))

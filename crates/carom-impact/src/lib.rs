@@ -109,6 +109,9 @@ mod least_norm;
 mod outcome;
 mod plane;
 mod problem;
+#[doc(hidden)]
+pub mod roots;
+mod rounding;
 mod routh;
 mod scalar;
 mod several;
@@ -123,12 +126,9 @@ pub use derivative::{Direction, LawDerivative, OneSided, Side};
 pub use error::ImpactError;
 pub use flags::Flags;
 pub use flow::{ImpulsePath, InvariantDirection, PathPoint};
-pub use laws::{
-    AnyLaw, Brach, ChatterjeeRuina, Coefficients, Energetic, Frictionless, LAW_NAMES, Law, Newton, Poisson, Smith,
-    Whittaker, law_by_name,
-};
+pub use laws::*;
 pub use least_norm::least_norm;
-pub use outcome::{ImpactOutcome, Mode, Phase};
+pub use outcome::{Account, ImpactOutcome, Mode, Phase};
 pub use problem::ImpactProblem;
 pub use several::{
     Accuracy, Constraint, EnergeticOutcome, Order, OrderError, OrderOutcome, OrderSet, PoissonOutcome,

@@ -1,20 +1,20 @@
 //! Outcome of an impact: impulse, velocities, mode, energy balance, realised coefficients.
 
 use std::fmt;
+use std::ops::{Deref, DerefMut};
 
 use nalgebra::{RealField, SVector, Vector2, Vector3, convert};
 
 use crate::check::{check, is_clear};
-use crate::problem::{plain, rounding};
+use crate::problem::plain;
+use crate::rounding::{CANCELLED, rounding};
 use crate::{Flags, ImpactError, ImpactProblem};
-
-/// An energy gain below this multiple of ε times the energies exchanged counts as rounding.
-const GAIN: f64 = 64.0;
 
 /// An approach slower than this share of the contact speed is flagged as grazing.
 const GRAZING: f64 = 1e-9;
 
-/// Outcome of one law for one [`ImpactProblem`]. Contact axes, SI units, impulse on the robot.
+/// Outcome of one law for one [`ImpactProblem`]. Contact axes, SI units, impulse on the robot. It dereferences to its
+/// [`Account`], so that `hit.mode` is `hit.account.mode`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImpactOutcome<T, const D: usize> {
     /// Name of the law.
@@ -25,14 +25,21 @@ pub struct ImpactOutcome<T, const D: usize> {
     pub u_minus: SVector<T, D>,
     /// Contact velocity after (m/s): `u⁻ + H P`. A component that the law drives to zero is exactly zero.
     pub u_plus: SVector<T, D>,
-    /// Tangential motion at the end of the impact.
-    pub mode: Mode,
     /// Kinetic energy in contact space before (J), see [`ImpactProblem::kinetic_energy`].
     pub energy_before: T,
     /// Kinetic energy in contact space after (J).
     pub energy_after: T,
     /// Work of the impulse, `½ P·(u⁻ + u⁺)` (J); negative is a loss.
     pub energy_change: T,
+    /// Mode, works, realised coefficients and flags.
+    pub account: Account<T>,
+}
+
+/// What a law reports beside impulse and velocity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Account<T> {
+    /// Tangential motion at the end of the impact.
+    pub mode: Mode,
     /// `∫ v_n dp_n` over the whole impact (J).
     pub normal_work: T,
     /// `∫ v_t·dp_t` over the whole impact (J).
@@ -54,28 +61,69 @@ pub struct ImpactOutcome<T, const D: usize> {
     pub flags: Flags,
 }
 
+impl<T, const D: usize> Deref for ImpactOutcome<T, D> {
+    type Target = Account<T>;
+
+    fn deref(&self) -> &Account<T> {
+        &self.account
+    }
+}
+
+impl<T, const D: usize> DerefMut for ImpactOutcome<T, D> {
+    fn deref_mut(&mut self) -> &mut Account<T> {
+        &mut self.account
+    }
+}
+
+/// No law and no motion.
+impl<T: RealField + Copy, const D: usize> Default for ImpactOutcome<T, D> {
+    fn default() -> Self {
+        let (none, zero) = (SVector::zeros(), T::zero());
+        Self {
+            law: "",
+            impulse: none,
+            u_minus: none,
+            u_plus: none,
+            energy_before: zero,
+            energy_after: zero,
+            energy_change: zero,
+            account: Account::default(),
+        }
+    }
+}
+
+/// No impact.
+impl<T: RealField + Copy> Default for Account<T> {
+    fn default() -> Self {
+        Self {
+            mode: Mode::Open,
+            normal_work: T::zero(),
+            friction_work: T::zero(),
+            newton: None,
+            poisson: None,
+            energetic: None,
+            slip_end: None,
+            slip_stop: None,
+            flags: Flags::NONE,
+        }
+    }
+}
+
 impl<T: RealField + Copy> ImpactOutcome<T, 2> {
     /// The same outcome in contact axes of space, in which `tangent` has the components of the tangent of the plane (unit).
     #[inline(always)]
     pub fn in_space(&self, tangent: Vector2<T>) -> ImpactOutcome<T, 3> {
         let lift = |x: &Vector2<T>| Vector3::new(tangent.x * x.x, tangent.y * x.x, x.y);
+        let Self { law, impulse, u_minus, u_plus, energy_before, energy_after, energy_change, account } = self;
         ImpactOutcome {
-            law: self.law,
-            impulse: lift(&self.impulse),
-            u_minus: lift(&self.u_minus),
-            u_plus: lift(&self.u_plus),
-            mode: self.mode,
-            energy_before: self.energy_before,
-            energy_after: self.energy_after,
-            energy_change: self.energy_change,
-            normal_work: self.normal_work,
-            friction_work: self.friction_work,
-            newton: self.newton,
-            poisson: self.poisson,
-            energetic: self.energetic,
-            slip_end: self.slip_end,
-            slip_stop: self.slip_stop,
-            flags: self.flags,
+            law,
+            impulse: lift(impulse),
+            u_minus: lift(u_minus),
+            u_plus: lift(u_plus),
+            energy_before: *energy_before,
+            energy_after: *energy_after,
+            energy_change: *energy_change,
+            account: *account,
         }
     }
 }
@@ -126,46 +174,31 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         }
         let u_plus = u_minus + problem.delassus() * impulse;
         let account = Account::straight(-u_plus[n] / u_minus[n], &impulse, &u_minus, &u_plus);
-        Self::of(law, problem, impulse, u_plus, &account)
+        Self::of(law, problem, impulse, u_plus, account, None)
     }
 
     /// The outcome without an impact: the contact does not approach.
     pub(crate) fn none(law: &'static str, problem: &ImpactProblem<T, D>, flags: Flags) -> Self {
         let u = *problem.u_minus();
         let energy = problem.kinetic_energy(&u);
-        Self {
-            law,
-            impulse: SVector::zeros(),
-            u_minus: u,
-            u_plus: u,
-            mode: Mode::Open,
-            energy_before: energy,
-            energy_after: energy,
-            energy_change: T::zero(),
-            normal_work: T::zero(),
-            friction_work: T::zero(),
-            newton: None,
-            poisson: None,
-            energetic: None,
-            slip_end: None,
-            slip_stop: None,
-            flags: flags | Flags::NO_APPROACH,
-        }
+        let account = Account { flags: flags | Flags::NO_APPROACH, ..Account::default() };
+        Self { law, u_minus: u, u_plus: u, energy_before: energy, energy_after: energy, account, ..Self::default() }
     }
 
-    /// Completes the result of a law with the energies and the flags that follow from them, and checks it (`check.rs`). It also
-    /// fails if the impulse, the velocity after or an energy is not finite: where energies overflow, so do the works by which a law
-    /// decides.
+    /// Completes the result of a law with the energies and the flags that follow from them, and checks it (`check.rs`), with
+    /// the coefficient of friction in whose `cone` the impulse is. It also fails if the impulse, the velocity after or an energy is
+    /// not finite: where energies overflow, so do the works by which a law decides.
     #[inline(always)]
     pub(crate) fn of(
         law: &'static str,
         problem: &ImpactProblem<T, D>,
         impulse: SVector<T, D>,
         u_plus: SVector<T, D>,
-        account: &Account<T>,
+        account: Account<T>,
+        cone: Option<T>,
     ) -> Result<Self, ImpactError> {
         let energies = problem.kinetic_energies([*problem.u_minus(), u_plus]);
-        Self::with_energies(law, problem, (impulse, u_plus), energies, account)
+        Self::with_energies(law, problem, (impulse, u_plus), energies, account, cone)
     }
 
     /// [`Self::of`] with the kinetic energies before and after.
@@ -174,53 +207,26 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         law: &'static str,
         problem: &ImpactProblem<T, D>,
         (impulse, u_plus): (SVector<T, D>, SVector<T, D>),
-        energies: [T; 2],
-        account: &Account<T>,
-    ) -> Result<Self, ImpactError> {
-        let hit = Self::unchecked(law, problem, (impulse, u_plus), energies, account);
-        if !is_clear(problem, &hit, account.cone) {
-            check(problem, &hit, account.cone)?;
-        }
-        Ok(hit)
-    }
-
-    #[inline(always)]
-    fn unchecked(
-        law: &'static str,
-        problem: &ImpactProblem<T, D>,
-        (impulse, u_plus): (SVector<T, D>, SVector<T, D>),
         [energy_before, energy_after]: [T; 2],
-        account: &Account<T>,
-    ) -> Self {
+        mut account: Account<T>,
+        cone: Option<T>,
+    ) -> Result<Self, ImpactError> {
         let u_minus = *problem.u_minus();
         let half: T = convert(0.5);
         let energy_change = impulse.dot(&(u_minus + u_plus)) * half;
         // ½ P·(u⁻ + u⁺) may be a small difference of large terms, which determine its rounding error.
         let passed = || impulse.abs().dot(&(u_minus.abs() + u_plus.abs())) * half;
-        let gains = energy_change > T::zero() && energy_change > (energy_before + passed()) * rounding(GAIN);
+        let gains = energy_change > T::zero() && energy_change > (energy_before + passed()) * rounding(CANCELLED);
         let v_n = problem.approach_speed();
         let grazes = v_n * v_n < u_minus.norm_squared() * convert(GRAZING * GRAZING);
-        Self {
-            law,
-            impulse,
-            u_minus,
-            u_plus,
-            mode: account.mode,
-            energy_before,
-            energy_after,
-            energy_change,
-            normal_work: account.normal_work,
-            friction_work: account.friction_work,
-            newton: account.newton,
-            poisson: account.poisson,
-            energetic: account.energetic,
-            slip_end: account.slip_end,
-            slip_stop: account.slip_stop,
-            flags: account.flags
-                | Flags::ENERGY_GAIN.when(gains)
-                | Flags::GRAZING.when(grazes)
-                | Flags::SINGULAR.when(problem.normal_is_doubtful()),
+        account.flags |= Flags::ENERGY_GAIN.when(gains)
+            | Flags::GRAZING.when(grazes)
+            | Flags::SINGULAR.when(problem.normal_is_doubtful());
+        let hit = Self { law, impulse, u_minus, u_plus, energy_before, energy_after, energy_change, account };
+        if !is_clear(problem, &hit, cone) {
+            check(problem, &hit, cone)?;
         }
+        Ok(hit)
     }
 }
 
@@ -236,25 +242,9 @@ pub(crate) fn finite<T: RealField + Copy, const D: usize>(
     }
 }
 
-/// Results of a law beside impulse and velocity.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Account<T> {
-    pub normal_work: T,
-    pub friction_work: T,
-    pub newton: Option<T>,
-    pub poisson: Option<T>,
-    pub energetic: Option<T>,
-    pub mode: Mode,
-    pub slip_end: Option<Phase>,
-    pub slip_stop: Option<T>,
-    pub flags: Flags,
-    /// Coefficient of friction of a law whose impulse is in the cone.
-    pub cone: Option<T>,
-}
-
 impl<T: RealField + Copy> Account<T> {
     /// Without derivatives.
-    pub fn plain(&self) -> Account<f64> {
+    pub(crate) fn plain(&self) -> Account<f64> {
         Account {
             normal_work: plain(self.normal_work),
             friction_work: plain(self.friction_work),
@@ -265,13 +255,12 @@ impl<T: RealField + Copy> Account<T> {
             slip_end: self.slip_end,
             slip_stop: self.slip_stop.map(plain),
             flags: self.flags,
-            cone: self.cone.map(plain),
         }
     }
 
     /// For a law without a path in time: works and coefficients of the straight path from u⁻ to u⁺, on which all three
     /// realised coefficients are `e = -u_n⁺/u_n⁻`; without approach they are `None`.
-    pub fn straight<const D: usize>(
+    pub(crate) fn straight<const D: usize>(
         e: T,
         impulse: &SVector<T, D>,
         u_minus: &SVector<T, D>,
@@ -289,16 +278,8 @@ impl<T: RealField + Copy> Account<T> {
             poisson: e,
             energetic: e,
             mode: Mode::between(u_minus, u_plus),
-            slip_end: None,
-            slip_stop: None,
-            flags: Flags::NONE,
-            cone: None,
+            ..Self::default()
         }
-    }
-
-    /// The same for a law whose impulse is in the cone of this coefficient of friction.
-    pub fn in_cone(self, friction: T) -> Self {
-        Self { cone: Some(friction), ..self }
     }
 }
 

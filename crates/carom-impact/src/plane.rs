@@ -12,14 +12,11 @@ use crate::contact::Contact;
 use crate::flow::{Found, follow};
 use crate::laws::{check_friction, check_restitution, frictionless};
 use crate::outcome::finite;
-use crate::problem::{plain, rounding};
+use crate::problem::plain;
+use crate::rounding::{COUPLING, rounding};
 use crate::routh::{Answer, Ending, Turns, walk};
 use crate::scalar::{has_derivatives, rest, value};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
-
-/// A coupling below this multiple of ε times the largest entry of H (or a velocity below it times `|u|`) counts as
-/// zero.
-const PLANE: f64 = 256.0;
 
 /// A law that uses Routh's method, in the plane of slip or in space.
 pub(crate) struct Routh<T> {
@@ -103,7 +100,7 @@ pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
             return frictionless(law, restitution, problem);
         }
         let Found { impulse, u_plus, account } = in_space()?;
-        return ImpactOutcome::of(law, problem, impulse, u_plus, &account);
+        return ImpactOutcome::of(law, problem, impulse, u_plus, account, Some(mu));
     };
     let answer = in_plane(&plane.contact)?;
     plane.lift(law, problem, mu, answer)
@@ -123,7 +120,8 @@ pub(crate) fn others_with_friction<T: RealField + Copy, const D: usize>(
             .filter_map(|answer| plane.lift(law, problem, mu, answer).ok())
             .collect();
     }
-    let outcome = |Found { impulse, u_plus, account }| ImpactOutcome::of(law, problem, impulse, u_plus, &account);
+    let outcome =
+        |Found { impulse, u_plus, account }| ImpactOutcome::of(law, problem, impulse, u_plus, account, Some(mu));
     in_space().into_iter().filter_map(|found| outcome(found).ok()).collect()
 }
 
@@ -155,7 +153,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
             let contact = ImpactProblem::trusted(Matrix2::new(a, b, b, h[(n, n)]), Vector2::new(v_t, u[n]));
             return Some(Self { t: SVector::from_fn(|i, _| if i < n { one } else { zero }), contact });
         }
-        let tolerance: T = rounding(PLANE);
+        let tolerance: T = rounding(COUPLING);
         if let Some((t, v_t)) = direction(u) {
             let plane = Self::along(problem, t, v_t);
             // The direction of a slip that may be rounding of the approach is undefined.
@@ -172,7 +170,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
     #[cold]
     fn from_rest(problem: &ImpactProblem<T, D>) -> (SVector<T, D>, T) {
         match direction(&problem.delassus().column(D - 1).into_owned()) {
-            Some((t, drive)) if drive > value(problem.largest_entry()) * rounding(PLANE) => {
+            Some((t, drive)) if drive > value(problem.largest_entry()) * rounding(COUPLING) => {
                 (t, rest(t.dot(problem.u_minus())))
             }
             _ => (SVector::zeros(), T::zero()),
@@ -185,7 +183,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         let (h, n) = (problem.delassus(), D - 1);
         let h_t = h.column(0) * t[0] + h.column(1) * t[1];
         let across = |x: T, y: T| value(t[0] * y - t[1] * x).abs();
-        let allowed = value(problem.largest_entry()) * rounding(PLANE);
+        let allowed = value(problem.largest_entry()) * rounding(COUPLING);
         if across(h_t[0], h_t[1]) > allowed || across(h[(0, n)], h[(1, n)]) > allowed {
             return None;
         }
@@ -212,7 +210,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         let (impulse, u_plus) = self.ends(problem, mu, &answer);
         // Neither slip nor impulse across the plane: the energies, and their first derivatives, are those in the plane.
         let energies = contact.kinetic_energies([*contact.u_minus(), Vector2::new(answer.v_t, answer.v_n)]);
-        ImpactOutcome::with_energies(law, problem, (impulse, u_plus), energies, &answer.account)
+        ImpactOutcome::with_energies(law, problem, (impulse, u_plus), energies, answer.account, Some(mu))
     }
 
     /// Impulse and velocity after the impact in contact axes.

@@ -12,18 +12,10 @@
 use nalgebra::{Dim, Matrix, Matrix3x2, RealField, SMatrix, SVector, StorageMut, Vector2, convert};
 
 use crate::ImpactError;
+use crate::rounding::{CANCELLED, NULL_PIVOT, rounding};
 
 /// Largest asymmetry that is averaged instead of refused, relative to the largest entry.
 const SYMMETRY: f64 = 1e-8;
-
-/// A pivot below this multiple of ε times its diagonal entry is treated as zero: H assembled from a pose has errors of
-/// a few tens of ε.
-pub(crate) const NULL_PIVOT: f64 = 1024.0;
-
-/// `rounding::<T>(k)` returns k ε in the precision of `T`.
-pub(crate) fn rounding<T: RealField + Copy>(multiple: f64) -> T {
-    convert::<f64, T>(multiple) * T::default_epsilon()
-}
 
 /// Real part as f64, for messages.
 pub(crate) fn plain<T: RealField + Copy>(x: T) -> f64 {
@@ -140,7 +132,7 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
     /// `(64 ε)² tr H`: a diagonal entry `j M⁻¹ jᵀ` below it is the square of a row j of rounding errors. The trace is
     /// an upper bound of the largest eigenvalue.
     pub(crate) fn trace_rounding(&self) -> T {
-        let tiny: T = rounding(64.0);
+        let tiny: T = rounding(CANCELLED);
         self.delassus.trace() * tiny * tiny
     }
 

@@ -32,7 +32,8 @@
 use nalgebra::{RealField, convert};
 
 use crate::outcome::{Account, Mode, Phase};
-use crate::problem::{plain, rounding};
+use crate::problem::plain;
+use crate::rounding::rounding;
 use crate::{Flags, ImpactError, ImpactProblem};
 
 /// Which slip friction is opposed to, if the slip turns.
@@ -232,7 +233,6 @@ pub(crate) fn walk<T: RealField + Copy>(
             slip_end: slip_end.filter(|_| slips),
             slip_stop: slip_stops.filter(|_| slip_end.is_some() && slips),
             flags: Flags::SINGULAR.when(mu > zero && contact.is_singular()),
-            cone: Some(mu),
         },
         turns: Turns::InTime,
     })

@@ -75,121 +75,85 @@ fn known(class: &str, law: AnyLaw, given: &[(&str, f64)]) -> PyResult<KnownLaw> 
     Ok(KnownLaw { law, shown: format!("{class}({})", given.join(", ")) })
 }
 
-macro_rules! laws_with_friction {
-    ($($(#[doc = $doc:literal])* $class:ident $name:literal;)*) => {
-        $(
-            $(#[doc = $doc])*
-            ///
-            /// Args:
-            ///     restitution: 0 to 1.
-            ///     friction: Coulomb's coefficient, 0 or more.
-            ///
-            /// Raises:
-            ///     ImpactError: a coefficient out of its range.
-            #[pyclass(frozen, extends = KnownLaw, module = "carom")]
-            pub struct $class;
-
-            #[pymethods]
-            impl $class {
-                #[new]
-                #[pyo3(signature = (restitution, friction=0.0))]
-                fn new(restitution: f64, friction: f64) -> PyResult<PyClassInitializer<Self>> {
-                    let coefficients = Coefficients { restitution, friction, ..Default::default() };
-                    let law = AnyLaw::named($name, coefficients).ok_or_else(|| PyTypeError::new_err($name))?;
-                    let given = [("restitution", restitution), ("friction", friction)];
-                    Ok(PyClassInitializer::from(known(stringify!($class), law, &given)?).add_subclass(Self))
-                }
-
-                fn __reduce__(this: &Bound<'_, Self>) -> (Py<PyAny>, (f64, f64)) {
-                    let own = this.as_super().get();
-                    (this.get_type().into_any().unbind(), (own.restitution(), own.friction()))
-                }
-            }
-        )*
+/// What an argument of a law means.
+macro_rules! meaning {
+    (restitution) => {
+        "    restitution: 0 to 1."
+    };
+    (friction) => {
+        "    friction: Coulomb's coefficient, 0 or more."
+    };
+    (tangential_restitution) => {
+        "    tangential_restitution: -1 (no tangential impulse) to 1 (one that reverses the slip)."
     };
 }
 
-laws_with_friction! {
-    /// Whittaker's law: the ratio of normal velocities is `restitution`, and Coulomb's friction acts against the slip after the
-    /// impact. Can gain energy.
-    Whittaker "whittaker";
-    /// Newton's law along the path of the slip: the ratio of normal velocities is `restitution`. Can gain energy.
-    Newton "newton";
-    /// Poisson's law along the path of the slip: the ratio of normal impulses is `restitution`.
-    Poisson "poisson";
-    /// Stronge's law along the path of the slip: the ratio of normal works is the square of `restitution`. Never gains energy.
-    Energetic "energetic";
-    /// Smith's law: friction against a mean of the slips before and after.
-    Smith "smith";
+/// The class of a law, by its row in the table of laws.
+macro_rules! class {
+    // Brach's law has an argument that takes the place of friction.
+    ($(#[$doc:meta])* BrachTowardsRest friction) => {
+        $(#[$doc])*
+        ///
+        /// Args:
+        ///     restitution: 0 to 1.
+        ///     friction: size of the impulse ratio, which is directed towards rest; 0 or more.
+        ///     impulse_ratio: instead of friction, tangential over normal impulse, negative against the initial slip.
+        ///
+        /// Raises:
+        ///     ImpactError: a coefficient out of its range.
+        #[pyclass(frozen, extends = KnownLaw, module = "carom", name = "Brach")]
+        pub struct BrachLaw {
+            friction: Option<f64>,
+            impulse_ratio: Option<f64>,
+        }
+    };
+    ($(#[$doc:meta])* $class:ident $($more:ident)*) => {
+        $(#[$doc])*
+        ///
+        /// Args:
+        #[doc = meaning!(restitution)]
+        $(#[doc = meaning!($more)])*
+        ///
+        /// Raises:
+        ///     ImpactError: a coefficient out of its range.
+        #[pyclass(frozen, extends = KnownLaw, module = "carom")]
+        pub struct $class;
+
+        #[pymethods]
+        impl $class {
+            #[new]
+            #[pyo3(signature = (restitution $(, $more = 0.0)*))]
+            fn new(restitution: f64 $(, $more: f64)*) -> PyResult<PyClassInitializer<Self>> {
+                let law = AnyLaw::from(carom_impact::$class { restitution $(, $more)* });
+                let given = [("restitution", restitution) $(, (stringify!($more), $more))*];
+                Ok(PyClassInitializer::from(known(stringify!($class), law, &given)?).add_subclass(Self))
+            }
+
+            fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Py<PyAny>, Bound<'py, PyTuple>)> {
+                let own = this.as_super().get().law.coefficients();
+                let given = PyTuple::new(this.py(), [own.restitution $(, own.$more)*])?;
+                Ok((this.get_type().into_any().unbind(), given))
+            }
+        }
+    };
 }
 
-/// The frictionless law; Newton's, Poisson's and Stronge's coefficients are equal without friction.
-///
-/// Args:
-///     restitution: 0 to 1.
-///
-/// Raises:
-///     ImpactError: a coefficient out of its range.
-#[pyclass(frozen, extends = KnownLaw, module = "carom")]
-pub struct Frictionless;
+/// The classes of the laws, and the function that adds them to the module.
+macro_rules! classes {
+    ($($(#[$doc:meta])* $name:literal $class:ident { restitution $(, $more:ident)* } $summary:literal;)*) => {
+        $(class! { $(#[$doc])* $class $($more)* })*
 
-#[pymethods]
-impl Frictionless {
-    #[new]
-    fn new(restitution: f64) -> PyResult<PyClassInitializer<Self>> {
-        let law = AnyLaw::from(carom_impact::Frictionless { restitution });
-        Ok(PyClassInitializer::from(known("Frictionless", law, &[("restitution", restitution)])?).add_subclass(Self))
-    }
+        type BrachTowardsRest = BrachLaw;
 
-    fn __reduce__(this: &Bound<'_, Self>) -> (Py<PyAny>, (f64,)) {
-        (this.get_type().into_any().unbind(), (this.as_super().get().restitution(),))
-    }
+        /// Adds the classes of the laws to the module.
+        pub fn add(module: &Bound<'_, PyModule>) -> PyResult<()> {
+            $(module.add_class::<$class>()?;)*
+            Ok(())
+        }
+    };
 }
 
-/// Chatterjee and Ruina's law: an algebraic law with a coefficient of tangential restitution. Never gains energy.
-///
-/// Args:
-///     restitution: 0 to 1.
-///     friction: Coulomb's coefficient, 0 or more.
-///     tangential_restitution: -1 (no tangential impulse) to 1 (one that reverses the slip).
-///
-/// Raises:
-///     ImpactError: a coefficient out of its range.
-#[pyclass(frozen, extends = KnownLaw, module = "carom")]
-pub struct ChatterjeeRuina;
-
-#[pymethods]
-impl ChatterjeeRuina {
-    #[new]
-    #[pyo3(signature = (restitution, friction=0.0, tangential_restitution=0.0))]
-    fn new(restitution: f64, friction: f64, tangential_restitution: f64) -> PyResult<PyClassInitializer<Self>> {
-        let law = AnyLaw::from(carom_impact::ChatterjeeRuina { restitution, tangential_restitution, friction });
-        let given =
-            [("restitution", restitution), ("friction", friction), ("tangential_restitution", tangential_restitution)];
-        Ok(PyClassInitializer::from(known("ChatterjeeRuina", law, &given)?).add_subclass(Self))
-    }
-
-    fn __reduce__(this: &Bound<'_, Self>) -> (Py<PyAny>, (f64, f64, f64)) {
-        let own = this.as_super().get();
-        let coefficients = (own.restitution(), own.friction(), own.tangential_restitution());
-        (this.get_type().into_any().unbind(), coefficients)
-    }
-}
-
-/// Brach's law: an impulse ratio, limited so that no energy is gained.
-///
-/// Args:
-///     restitution: 0 to 1.
-///     friction: size of the impulse ratio, which is directed towards rest; 0 or more.
-///     impulse_ratio: instead of friction, tangential over normal impulse, negative against the initial slip.
-///
-/// Raises:
-///     ImpactError: a coefficient out of its range.
-#[pyclass(frozen, extends = KnownLaw, module = "carom", name = "Brach")]
-pub struct BrachLaw {
-    friction: Option<f64>,
-    impulse_ratio: Option<f64>,
-}
+carom_impact::law_table! { classes! }
 
 #[pymethods]
 impl BrachLaw {

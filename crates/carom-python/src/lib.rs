@@ -35,6 +35,8 @@ use pyo3::prelude::*;
 
 #[pymodule]
 mod _carom {
+    use pyo3::prelude::*;
+
     #[pymodule_export]
     use crate::chain::Chain;
     #[pymodule_export]
@@ -46,9 +48,7 @@ mod _carom {
     #[pymodule_export]
     use crate::impacts::Impacts;
     #[pymodule_export]
-    use crate::laws::{
-        BrachLaw, ChatterjeeRuina, Energetic, Frictionless, KnownLaw, Newton, Poisson, PythonLaw, Smith, Whittaker,
-    };
+    use crate::laws::{KnownLaw, PythonLaw};
     #[pymodule_export]
     use crate::outcome::{Outcome, law};
     #[pymodule_export]
@@ -65,4 +65,9 @@ mod _carom {
     use crate::study::{Study, map};
     #[pymodule_export]
     use crate::table::Table;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::laws::add(module)
+    }
 }

@@ -10,11 +10,11 @@
 //!
 //! | symbol | size (plane, space) | meaning | our name |
 //! | --- | --- | --- | --- |
-//! | v = (ω, v) | 3, 6 | velocity: angular, and linear at the origin | [`Motion`] |
-//! | f = (n, f) | 3, 6 | force: moment about the origin, and force | [`Force`] |
-//! | s | 3, 6 | one column of a joint's motion subspace | [`Axis`] |
+//! | v = (ω, v) | 3, 6 | velocity: angular, and linear at the origin | `Motion` |
+//! | f = (n, f) | 3, 6 | force: moment about the origin, and force | `Force` |
+//! | s | 3, 6 | one column of a joint's motion subspace | `Axis` |
 //! | I = (m, h, I) | – | mass, first moment m·c, rotational inertia about the origin | [`Inertia`] |
-//! | Iᴬ | 3×3, 6×6 | articulated-body inertia | [`Algebra::Articulated`] |
+//! | Iᴬ | 3×3, 6×6 | articulated-body inertia | `Algebra::Articulated` |
 //! | r | 2, 3 | from the parent's origin to the body's own | `offset` |
 //!
 //! Source: R. Featherstone, *Rigid Body Dynamics Algorithms* (2008), chapters 2 and 4–7.
@@ -23,9 +23,14 @@ mod planar;
 mod spatial;
 mod symmetric;
 
-pub use planar::{Planar, PlanarArticulated, PlanarJoint, Turn};
-pub use spatial::{Spatial, SpatialArticulated, SpatialJoint, z_onto};
-pub use symmetric::Symmetric3;
+pub use planar::Planar;
+pub use spatial::{Spatial, SpatialJoint};
+#[doc(hidden)]
+pub use {
+    planar::{PlanarArticulated, PlanarJoint, Turn},
+    spatial::{SpatialArticulated, z_onto},
+    symmetric::Symmetric3,
+};
 
 use nalgebra::{RealField, SimdComplexField, SimdRealField};
 use num_traits::Zero;
@@ -37,6 +42,7 @@ pub trait Real: SimdRealField + Copy {}
 impl<T: SimdRealField + Copy> Real for T {}
 
 /// Elements of a vector space over `T`.
+#[doc(hidden)]
 pub trait Linear<T>:
     Copy
     + Debug
@@ -72,8 +78,22 @@ mod sealed {
     pub trait Sealed {}
 }
 
-/// Geometry of the plane or of space, as the algorithms need it. Sealed: only [`Planar`] and [`Spatial`] implement it.
-pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'static {
+/// Geometry of the plane or of space: [`Planar`] or [`Spatial`], which are its only types. Where an interface is written once for
+/// both, its quantities have the types
+///
+/// | type | plane | space |
+/// | --- | --- | --- |
+/// | `A::Scalar` | T | T |
+/// | `A::Vector`: points, linear velocities, forces | 2-vector | 3-vector |
+/// | `A::Angular`: angular velocities, moments | T | 3-vector |
+/// | `A::Rotational`: rotational inertia | T | symmetric 3×3 matrix |
+/// | `A::Rotation` | cosine and sine | 3×3 matrix |
+pub trait Algebra: Geometry {}
+impl<A: Geometry> Algebra for A {}
+
+/// The types and operations of the algorithms.
+#[doc(hidden)]
+pub trait Geometry: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'static {
     /// The scalar type.
     type Scalar: Real;
     /// Points, linear velocities, forces: 2 or 3 numbers.
@@ -172,7 +192,7 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     /// The part of a body's inertia that is invariant under rotation about its hinge (its z axis): the mass on the axis, and
     /// a rotational inertia that is equal about all axes perpendicular to it.
     fn unturned(inertia: Inertia<Self>) -> Inertia<Self>;
-    /// First moment and rotational inertia in rotated axes, for a body without its invariant part [`Algebra::unturned`].
+    /// First moment and rotational inertia in rotated axes, for a body without its invariant part [`unturned`](Self::unturned).
     fn rotate_turning(a: Self::Rotation, h: Self::Vector, i: Self::Rotational) -> (Self::Vector, Self::Rotational);
     /// Whether the joint is a hinge.
     fn turns(joint: Self::Joint) -> bool;
@@ -192,14 +212,15 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     fn rides_along(joint: Self::Joint) -> bool;
 
     /// The same vector over another scalar.
-    fn cast_vector<U: Real>(v: Self::Vector) -> <Self::Cast<U> as Algebra>::Vector;
+    fn cast_vector<U: Real>(v: Self::Vector) -> <Self::Cast<U> as Geometry>::Vector;
     /// The same rotation over another scalar.
-    fn cast_rotation<U: Real>(a: Self::Rotation) -> <Self::Cast<U> as Algebra>::Rotation;
+    fn cast_rotation<U: Real>(a: Self::Rotation) -> <Self::Cast<U> as Geometry>::Rotation;
     /// The same rotational inertia over another scalar.
-    fn cast_inertia<U: Real>(i: Self::Rotational) -> <Self::Cast<U> as Algebra>::Rotational;
+    fn cast_inertia<U: Real>(i: Self::Rotational) -> <Self::Cast<U> as Geometry>::Rotational;
 }
 
 /// A symmetric matrix of articulated inertia: the operations of the articulated-body recursion.
+#[doc(hidden)]
 pub trait Articulated<A: Algebra>: Copy + Debug + Send + Sync + AddAssign + 'static {
     /// A rigid body's inertia.
     fn from_rigid(inertia: &Inertia<A>) -> Self;
@@ -214,6 +235,7 @@ pub trait Articulated<A: Algebra>: Copy + Debug + Send + Sync + AddAssign + 'sta
 }
 
 /// A velocity or acceleration: rad/s and m/s, or their rates.
+#[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion<A: Algebra> {
     /// Angular part.
@@ -223,6 +245,7 @@ pub struct Motion<A: Algebra> {
 }
 
 /// A force or impulse: N m and N, or N m s and N s.
+#[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Force<A: Algebra> {
     /// Moment about the reference point.
@@ -232,6 +255,7 @@ pub struct Force<A: Algebra> {
 }
 
 /// One column of a joint's motion subspace, about the joint's own origin.
+#[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Axis<A: Algebra> {
     /// Rotation about this direction (unit, times the ratio of a mimic joint).

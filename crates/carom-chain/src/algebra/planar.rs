@@ -1,6 +1,6 @@
 //! The algebra of the plane, SE(2): angular quantities are one number, vectors two.
 
-use super::{Algebra, Articulated, Axis, Force, Inertia, Motion, Real, sealed::Sealed};
+use super::{Articulated, Axis, Force, Geometry, Inertia, Motion, Real, sealed::Sealed};
 use nalgebra::{Matrix2, RealField, Vector2, convert, convert_unchecked};
 use std::marker::PhantomData;
 use std::ops::AddAssign;
@@ -35,7 +35,7 @@ fn perp<T: Real>(r: Vector2<T>) -> Vector2<T> {
 
 impl<T: Real> Sealed for Planar<T> {}
 
-impl<T: Real> Algebra for Planar<T> {
+impl<T: Real> Geometry for Planar<T> {
     type Scalar = T;
     type Vector = Vector2<T>;
     type Angular = T;

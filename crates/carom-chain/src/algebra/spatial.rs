@@ -2,7 +2,7 @@
 
 use super::planar::cast;
 use super::symmetric::Symmetric3;
-use super::{Algebra, Articulated, Axis, Force, Inertia, Motion, Real, sealed::Sealed};
+use super::{Articulated, Axis, Force, Geometry, Inertia, Motion, Real, sealed::Sealed};
 use nalgebra::{Matrix3, RealField, Vector3};
 use std::marker::PhantomData;
 use std::ops::AddAssign;
@@ -102,7 +102,7 @@ pub fn z_onto(a: Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[x, y, a])
 }
 
-impl<T: Real> Algebra for Spatial<T> {
+impl<T: Real> Geometry for Spatial<T> {
     type Scalar = T;
     type Vector = Vector3<T>;
     type Angular = Vector3<T>;

@@ -1,7 +1,7 @@
 //! Symmetric 3×3 matrices, stored as six numbers.
 
 use super::spatial::row;
-use super::{Algebra, Real, Spatial};
+use super::{Geometry, Real, Spatial};
 use nalgebra::{Matrix3, Vector3};
 use num_traits::Zero;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};

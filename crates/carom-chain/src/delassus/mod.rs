@@ -61,6 +61,7 @@ use std::sync::Arc;
 pub(crate) use topology::Structure;
 use topology::{Row, Tree};
 use unrolled::{read_three, read_two};
+pub(crate) use view::Dense;
 
 /// Largest number of bodies of the fused pass, which forms M: from here on the recursion is faster.
 pub(crate) const LONG: usize = 48;

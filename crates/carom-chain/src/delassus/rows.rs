@@ -9,7 +9,7 @@
 //! M is factored by the articulated-body recursion, and a row costs one sweep in time O(nv). For many rows on chains of some
 //! dozens of bodies the entries of L in M = Lᵀ D L are written out first: ℓₖₐ = sₐ·Uₖ/Dₖ for every ancestor a of body k. A row
 //! then costs two products for each of them, and its inward half only those on the way from its contact to the world. For
-//! chains with mimic joints M is factored by Cholesky's method.
+//! chains with mimic joints M is factored as a whole.
 
 use super::topology::{Topology, Tree};
 use super::{LONG, singular};
@@ -17,7 +17,7 @@ use crate::algebra::Algebra;
 use crate::chain::Chain;
 use crate::error::ChainError;
 use crate::kinematics::{Kinematics, Workspace};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 /// From this number of rows on the factor is written out: it costs as much as some three sweeps.
 const MANY: usize = 4;
@@ -132,7 +132,7 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
     /// with inertia added to each coordinate: `added` is empty or has length nv, and infinite inertia locks a joint.
     ///
     /// # Errors
-    /// As both; [`ChainError::Coupled`] for a chain with mimic joints to which inertia is added.
+    /// As both.
     pub fn accelerate_and_respond(
         &mut self,
         (qd, tau, gravity): (&[f64], &[f64], A::Vector),
@@ -156,14 +156,15 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
         self.chain().check_nv("row", if rows.is_empty() { nv } else { rows.nv })?;
         (responses.nv, responses.numbers) = (nv, std::mem::take(&mut responses.numbers));
         responses.clear();
-        if self.chain().is_coupled() && added.is_empty() {
+        if self.chain().is_coupled() {
+            let mut dense = self.dense(added)?;
             if let Some((qd, tau, gravity, qdd)) = dynamics {
-                self.forward_dynamics_into(qd, tau, gravity, qdd)?;
+                self.dense_dynamics(&mut dense, (qd, tau, gravity), qdd)?;
             }
-            let cholesky = self.cholesky()?;
             for row in rows.iter() {
-                let solved = cholesky.solve(&DVector::from_column_slice(row));
-                responses.add().copy_from_slice(solved.as_slice());
+                let response = responses.add();
+                response.copy_from_slice(row);
+                dense.solve(response);
             }
             return Ok(());
         }

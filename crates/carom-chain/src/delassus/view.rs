@@ -223,10 +223,18 @@ where
     /// # Errors
     /// [`ChainError::NoInertia`] with the joint.
     pub fn check_inertia(&mut self, added: &[A::Scalar]) -> Result<(), ChainError> {
-        if !self.chain.is_coupled() {
-            return self.articulate_checked(added).map(|_| ());
+        if self.chain.is_coupled() { self.dense(added).map(|_| ()) } else { self.articulate_checked(added).map(|_| ()) }
+    }
+
+    /// M + diag(`added`) = Lᵀ D L, for a chain with mimic joints, whose bodies share coordinates.
+    ///
+    /// # Errors
+    /// [`ChainError::NoInertia`]; [`ChainError::WrongLength`] for `added`.
+    pub(crate) fn dense(&mut self, added: &[A::Scalar]) -> Result<Dense<A>, ChainError> {
+        if !added.is_empty() {
+            self.chain.check_nv("added inertia", added.len())?;
         }
-        // The pivots do not depend on the point.
+        // The factor does not depend on the point.
         let mut memory = ResponseMemory::default();
         self.full(Point { body: None, position: A::zero() }, A::zero(), added, &mut memory);
         let contact = memory.response();
@@ -236,7 +244,7 @@ where
                 return Err(self.no_inertia(v));
             }
         }
-        Ok(())
+        Ok(Dense(memory))
     }
 
     /// The coordinate and the lever of each joint that moves the point.
@@ -311,5 +319,28 @@ where
         }
         (memory.position, memory.delassus, memory.mobility) = (position, delassus, mobility);
         Ok(())
+    }
+}
+
+/// The factor of [`Kinematics::dense`].
+pub(crate) struct Dense<A: Algebra>(ResponseMemory<A>);
+
+impl<A: Algebra> Dense<A> {
+    /// Solves M x = b in place: x = L⁻¹ D⁻¹ L⁻ᵀ b.
+    pub fn solve(&mut self, x: &mut [A::Scalar]) {
+        let (n, length) = (x.len(), row_length::<A::Scalar>(x.len()));
+        // Row k holds D_k times the entries of L before the diagonal, and there 1/D_k.
+        let factor = &*self.0.parts(n).2.factor;
+        let row = |k: usize| &factor[k * length..][..=k];
+        for k in (0..n).rev() {
+            let share = x[k] * row(k)[k];
+            for (there, entry) in x[..k].iter_mut().zip(row(k)) {
+                *there -= share * *entry;
+            }
+        }
+        for k in 0..n {
+            let before = x[..k].iter().zip(row(k)).fold(A::Scalar::zero(), |sum, (x, entry)| sum + *x * *entry);
+            x[k] = (x[k] - before) * row(k)[k];
+        }
     }
 }

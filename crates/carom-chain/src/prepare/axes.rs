@@ -124,7 +124,7 @@ impl<A: Algebra> Placing<A> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::algebra::{Inertia, Planar, PlanarJoint, Spatial, SpatialJoint, Turn};
+    use crate::algebra::{Geometry, Inertia, Planar, PlanarJoint, Spatial, SpatialJoint, Turn};
     use nalgebra::{Matrix3, Vector3};
     use std::f64::consts::FRAC_PI_2;
 

@@ -24,7 +24,7 @@
 //! | Q | n | generalised forces on φ: sᵢτᵢ − sᵢ₊₁τᵢ₊₁, with s = ±1 the sense of a joint | `push` |
 
 use super::sine::sin_cos;
-use crate::algebra::{Algebra, Planar};
+use crate::algebra::{Geometry, Planar};
 use crate::chain::Chain;
 use nalgebra::Vector2;
 

@@ -64,7 +64,7 @@ pub struct FitCommand {
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,-9.81", value_parser = parse_vector, allow_hyphen_values = true)]
     gravity: [f64; 3],
     /// Impact law; any but frictionless
-    #[arg(long, value_parser = laws(None), default_value = "energetic")]
+    #[arg(long, value_parser = laws(false), default_value = "energetic")]
     law: String,
     /// Fit the scale of rotational inertia as well, from 0.5 to 2; needs a robot
     #[arg(long)]

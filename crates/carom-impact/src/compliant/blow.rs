@@ -29,6 +29,7 @@ use nalgebra::{DMatrix, DVector, Vector2};
 
 use super::{NormalForce, TangentialForce};
 use crate::problem::{check_delassus, check_velocity};
+use crate::roots::{MOST_STEPS, bisect};
 use crate::{ImpactError, ImpactProblem};
 
 /// Result of a compliant impact at one contact.
@@ -437,21 +438,14 @@ fn first_time(
     dense: &StepInterpolant,
     holds: impl Fn(&[f64]) -> bool,
 ) -> (f64, Vec<f64>) {
-    let (mut low, mut high) = (start, end);
     let (mut state, mut probe) = (y.to_vec(), y.to_vec());
-    // enough bisections for any step
-    for _ in 0..200 {
-        let middle = low + (high - low) / 2.0;
-        if middle <= low || middle >= high {
-            break;
-        }
+    let time = bisect(start, end, MOST_STEPS, |middle| {
         dense.interpolate(middle, &mut probe);
-        if holds(&probe) {
-            high = middle;
+        let held = holds(&probe);
+        if held {
             state.copy_from_slice(&probe);
-        } else {
-            low = middle;
         }
-    }
-    (high, state)
+        held
+    });
+    (time, state)
 }

@@ -42,6 +42,7 @@
 //! because G(−y) grows from 0 without bound.
 
 use crate::ImpactError;
+use crate::roots::newton;
 
 /// The formula that gives a [`HuntCrossley`](crate::HuntCrossley) contact its damping for a coefficient of restitution.
 ///
@@ -168,27 +169,16 @@ pub fn damping_root(restitution: f64) -> Option<f64> {
     }
     let cube = e * e * e;
     let start = (1.0 - e) * (1.0 + e) / 2.0; // h(0)
-    let (mut low, mut high) = (0.0, e.recip());
-    // Newton's iteration starts at the tangent of h at 0; bisection replaces steps that leave the bracket
-    let mut x = (3.0 * start / (1.0 + cube)).min(0.5 * high);
-    for _ in 0..HALVINGS {
+    let minus_h = |x: f64| {
         let (ahead, back) = (defect(x), defect(-e * x));
         // h with g(y) = 1/2 − y r(y), so that nothing cancels near e = 1
         let h = start - x * (ahead + cube * back);
-        if h > 0.0 {
-            low = x;
-        } else {
-            high = x;
-        }
         let slope = (2.0 * ahead - 1.0 / (1.0 + x)) + cube * (2.0 * back - 1.0 / (1.0 - e * x));
-        let newton = x - h / slope;
-        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
-        if (next - x).abs() <= f64::EPSILON * x {
-            return Some(next);
-        }
-        x = next;
-    }
-    Some(x)
+        (-h, -slope)
+    };
+    // from the tangent of h at 0
+    let guess = (3.0 * start / (1.0 + cube)).min(0.5 * e.recip());
+    Some(newton(0.0, e.recip(), guess, f64::EPSILON, &minus_h))
 }
 
 /// The coefficient of restitution of a [`HuntCrossley`](crate::HuntCrossley) contact whose damping times approach
@@ -211,38 +201,22 @@ pub fn restitution_obtained(number: f64) -> f64 {
         return 1.0;
     }
     if x < SERIES / 2.0 {
-        // e² g(−e x) = g(x) by Newton's iteration in e; the left side grows with a slope of about 1
+        // e² g(−e x) = g(x); the left side grows with a slope of about 1
         let target = work_share(x);
-        let mut e = 1.0;
-        for _ in 0..HALVINGS {
-            let y = -e * x;
-            let share = work_share(y);
-            // d(e² g(−e x))/de = e/(1 − e x)
-            let next = e - (e * e * share - target) * (1.0 + y) / e;
-            if (next - e).abs() <= f64::EPSILON {
-                return next;
-            }
-            e = next;
-        }
-        return e;
+        // d(e² g(−e x))/de = e/(1 − e x)
+        let excess = |e: f64| (e * e * work_share(-e * x) - target, e / (1.0 - e * x));
+        return newton(0.0, 1.0, 1.0, f64::EPSILON, &excess);
     }
     // G(−y) with y = 1 − exp(−u) is u − 1 + exp(−u): convex in u, so Newton's iteration from above only falls
     let target = x - x.ln_1p();
-    let mut u = target + 1.0;
-    for _ in 0..HALVINGS {
+    let excess = |u: f64| {
         let y = -(-u).exp_m1();
-        let next = u - (u - y - target) / y;
-        if (next - u).abs() <= f64::EPSILON * u {
-            break;
-        }
-        u = next;
-    }
+        (u - y - target, y)
+    };
+    let u = newton(target, target + 1.0, target + 1.0, f64::EPSILON, &excess);
     // an infinite damping has no rebound
     if x.is_infinite() { 0.0 } else { -(-u).exp_m1() / x }
 }
-
-/// Steps after which bisection alone has found the root: more than the digits of a double.
-const HALVINGS: usize = 100;
 
 /// g(y) = (y − ln(1 + y))/y²: the share of m v0² that the spring stores, 1/2 at y = 0.
 pub(super) fn work_share(y: f64) -> f64 {

@@ -137,11 +137,6 @@ impl Bristle {
         }
     }
 
-    /// Energy stored in the bristle, k|z|²/2 (J).
-    pub fn stored_energy<const N: usize>(&self, deflection: &SVector<f64, N>) -> f64 {
-        0.5 * self.stiffness * deflection.norm_squared()
-    }
-
     /// P(f), and whether the slider slips.
     fn carried<const N: usize>(
         &self,

@@ -2,6 +2,7 @@
 
 use super::{POSITIVE, check_positive};
 use crate::ImpactError;
+use crate::roots::{MOST_STEPS, bisect};
 
 /// Compliant normal contact of a linear spring and a linear dashpot in parallel, `F = k d + c w`. The force is either
 /// limited to F ≥ 0, or pulls until d = 0.
@@ -86,14 +87,7 @@ impl KelvinVoigt {
                 break;
             }
         }
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (low + high);
-            if middle <= low || middle >= high {
-                break;
-            }
-            if clipped_loss(middle) < loss { low = middle } else { high = middle }
-        }
-        high
+        bisect(low, high, MOST_STEPS, |ratio| clipped_loss(ratio) >= loss)
     }
 
     /// Coefficient of restitution e of an `effective_mass` m (kg) with a `damping` c (N s/m), in closed form: the
@@ -122,9 +116,6 @@ impl KelvinVoigt {
         approach_speed.max(0.0) * (effective_mass / self.stiffness).sqrt() * (-0.5 * loss).exp()
     }
 }
-
-/// Bisections after which a bracket has no more digits.
-const HALVINGS: usize = 200;
 
 /// −ln e of a contact that never pulls: 2 ζ acos ζ/√(1 − ζ²), and its continuation from ζ = 1 on.
 fn clipped_loss(ratio: f64) -> f64 {

@@ -47,7 +47,8 @@ use nalgebra::{RealField, SVector, Vector2};
 use crate::cone::shift;
 use crate::contact::{Contact, length};
 use crate::outcome::{Account, Mode, Phase};
-use crate::problem::{plain, rounding};
+use crate::problem::plain;
+use crate::rounding::rounding;
 use crate::routh::{End, Ending, coefficient_of_work};
 use crate::scalar::has_derivatives;
 use crate::{Flags, ImpactError, ImpactProblem};
@@ -150,7 +151,6 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
         slip_end,
         slip_stop,
         flags: Flags::JAM.when(flow.jams) | Flags::SINGULAR.when(contact.is_singular()),
-        cone: Some(mu),
     };
     Ok(Found { impulse, u_plus, account })
 }

@@ -16,15 +16,13 @@ use nalgebra::{SVector, Vector2};
 use super::{Flow, Piece, State, Turn, length};
 use crate::contact::Contact;
 use crate::laws::check_friction;
-use crate::problem::rounding;
+use crate::roots::{MOST_STEPS, bisect};
+use crate::rounding::{CANCELLED, rounding};
 use crate::{ImpactError, ImpactProblem};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Points per step of the power series, over which slip turns by about a right angle at most.
 const POINTS: usize = 16;
-
-/// If coupling and friction are below this multiple of ε times `H_tt`, slip does not turn.
-const STILL: f64 = 64.0;
 
 /// The path of an impact in impulse and velocity while friction is opposed to the slip of each instant: a polygon.
 ///
@@ -155,7 +153,8 @@ impl ImpactProblem<f64, 3> {
         let (a, h) = (contact.tangents, contact.coupling);
         let (half, off) = ((a[(0, 0)] - a[(1, 1)]) / 2.0, a[(0, 1)]);
         let spread = friction * 2.0 * half.hypot(off);
-        if length(&h) + spread <= (h.amax() + friction * a.amax()) * rounding::<f64>(STILL) {
+        // Slip without coupling and friction does not turn.
+        if length(&h) + spread <= (h.amax() + friction * a.amax()) * rounding::<f64>(CANCELLED) {
             return Ok(Vec::new());
         }
         // The axis of the larger eigenvalue lies at half the angle of (half, off), the first axis across it.
@@ -168,14 +167,8 @@ impl ImpactProblem<f64, 3> {
         }
         let [h1, h2] = axes.map(|axis| axis.dot(&h));
         let turning = |angle: f64| h2 * angle.cos() - h1 * angle.sin() - spread * angle.sin() * angle.cos();
-        // Bisection alone: Newton's method could converge to a zero at the end of a bracket, which symmetry may cause.
-        let between = |mut negative: f64, mut positive: f64| {
-            for _ in 0..60 {
-                let middle = (negative + positive) / 2.0;
-                if turning(middle) > 0.0 { positive = middle } else { negative = middle }
-            }
-            positive
-        };
+        // By the sign alone: there may be a zero at the end of a bracket, which symmetry may cause.
+        let between = |negative, positive| bisect(negative, positive, MOST_STEPS, |angle| turning(angle) > 0.0);
         let mut angles = vec![between(FRAC_PI_2, 0.0), between(PI, 1.5 * PI)];
         let share = |x: f64| x.cbrt().powi(2);
         if share(h1) + share(h2) < share(spread) {

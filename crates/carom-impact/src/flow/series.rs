@@ -1,6 +1,8 @@
-//! Truncated power series, and roots in a bracket.
+//! Truncated power series, and their roots.
 
 use pulp::Simd;
+
+use crate::roots::{Function, newton};
 
 /// Number of terms, a multiple of the number of SIMD lanes. Longer series hardly make a step longer.
 pub(super) const TERMS: usize = 32;
@@ -86,34 +88,10 @@ pub(super) fn guess((low, (f_0, d_0)): (f64, (f64, f64)), (high, (f_1, d_1)): (f
     low + share * share * (3.0 - 2.0 * share) * by + share * rest * span * (rest / d_0 - share / d_1)
 }
 
-/// A function with its derivative. A trait, because inlining of a closure cannot be forced, and code that is not inlined is compiled
-/// without vector instructions.
-pub(super) trait Function {
-    fn at(&self, x: f64) -> (f64, f64);
-}
-
-/// The root in `[low, high]` of a function that is not negative at `high` and negative before the root: Newton's method
-/// within the bracket from a first guess. The convergence is quadratic, so that one step after a small one is at
-/// rounding.
+/// [`newton`] to rounding: one step after a small one.
 #[inline(always)]
 pub(super) fn root(low: f64, high: f64, guess: f64, f: &impl Function) -> f64 {
-    let (mut left, mut right) = (low, high);
-    let mut x = if guess >= low && guess <= high { guess } else { high };
-    for _ in 0..200 {
-        let (value, slope) = f.at(x);
-        if value >= 0.0 {
-            right = x
-        } else {
-            left = x
-        }
-        let newton = x - value / slope;
-        let next = if newton >= left && newton <= right { newton } else { left + (right - left) / 2.0 };
-        let moved = (next - x).abs();
-        x = next;
-        if moved <= x.abs() * SMALL {
-            break;
-        }
-    }
+    let x = newton(low, high, guess, SMALL, f);
     let (value, slope) = f.at(x);
     let polished = x - value / slope;
     // Rounding may move a root at an end of the bracket out of it.

@@ -16,10 +16,11 @@ mod values;
 use nalgebra::{Matrix2, RealField, Vector2};
 use pulp::{Arch, Scalar, Simd, WithSimd};
 
-use super::series::{At, Function, MOST_LANES, Series, TERMS, first, mul_add, root};
+use super::series::{At, MOST_LANES, Series, TERMS, first, mul_add, root};
 use super::state::Return;
 use crate::contact::{Contact, length};
 use crate::problem::plain;
+use crate::roots::Function;
 pub(super) use response::CHANGES;
 use values::{Above, Evaluate, FindReturn, FindRise, Signed, Sum};
 

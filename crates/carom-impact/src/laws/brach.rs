@@ -1,10 +1,10 @@
 use nalgebra::{RealField, Vector2, convert};
 
-use super::{AnyLaw, Kind, Law, check_friction, check_impulse_ratio, check_restitution};
+use super::{Family, Rule, check_friction, check_impulse_ratio, check_restitution};
 use crate::branches::Answers;
 use crate::contact::{Contact, length};
 use crate::outcome::Account;
-use crate::problem::{NULL_PIVOT, rounding};
+use crate::rounding::{NULL_PIVOT, rounding};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// Newton's coefficient, and a prescribed impulse ratio r in the direction t of the initial slip, clipped to the
@@ -63,40 +63,23 @@ pub struct Brach<T = f64> {
     pub impulse_ratio: T,
 }
 
-impl<T: RealField + Copy, const D: usize> Law<T, D> for Brach<T> {
-    fn name(&self) -> &'static str {
-        "brach"
+impl<T: RealField + Copy> Rule<T> for Brach<T> {
+    fn family<const D: usize>(&self, _: &ImpactProblem<T, D>) -> Family<T> {
+        Family::Ratio(*self)
     }
 
-    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-        Ok(self.answers(problem)?.first)
-    }
-
-    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
-        Ok(self.answers(problem)?.all())
-    }
-
-    fn known(&self) -> Option<AnyLaw<T>> {
-        Some(AnyLaw(Kind::Brach(*self)))
+    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
+        check_restitution(self.restitution)?;
+        check_impulse_ratio(self.impulse_ratio)?;
+        let strike = || self.strike(problem);
+        // Only a ratio against the slip can jam.
+        let mu = (-self.impulse_ratio).max(T::zero());
+        Answers::of(Self::NAME, mu, problem, strike, || Ok(vec![strike()?]))
     }
 }
 
 impl<T: RealField + Copy> Brach<T> {
-    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
-        let name = Law::<T, D>::name(self);
-        check_restitution(self.restitution)?;
-        check_impulse_ratio(self.impulse_ratio)?;
-        let strike = || self.strike(name, problem);
-        // Only a ratio against the slip can jam.
-        let mu = (-self.impulse_ratio).max(T::zero());
-        Answers::of(name, mu, problem, strike, || Ok(vec![strike()?]))
-    }
-
-    fn strike<const D: usize>(
-        &self,
-        name: &'static str,
-        problem: &ImpactProblem<T, D>,
-    ) -> Result<ImpactOutcome<T, D>, ImpactError> {
+    fn strike<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
         let e = self.restitution;
         let contact = Contact::of(problem);
         let t = direction(&contact);
@@ -130,10 +113,10 @@ impl<T: RealField + Copy> Brach<T> {
             }
         }
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
-        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus).in_cone(self.impulse_ratio.abs());
+        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
         // Also for a ratio along the slip, which cannot jam.
         account.flags |= Flags::SINGULAR.when(self.impulse_ratio != T::zero() && contact.is_singular());
-        ImpactOutcome::of(name, problem, impulse, u_plus, &account)
+        ImpactOutcome::of(Self::NAME, problem, impulse, u_plus, account, Some(self.impulse_ratio.abs()))
     }
 }
 
@@ -145,7 +128,7 @@ pub(crate) struct BrachTowardsRest<T = f64> {
 }
 
 impl<T: RealField + Copy> BrachTowardsRest<T> {
-    pub(crate) fn towards_rest<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Brach<T> {
+    fn towards_rest<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Brach<T> {
         let Self { restitution, friction } = *self;
         let contact = Contact::of(problem);
         let turned = Plane::of(&contact, &direction(&contact), restitution).critical().is_some_and(|r| r > T::zero());
@@ -153,32 +136,25 @@ impl<T: RealField + Copy> BrachTowardsRest<T> {
     }
 }
 
-impl<T: RealField + Copy, const D: usize> Law<T, D> for BrachTowardsRest<T> {
-    fn name(&self) -> &'static str {
-        "brach"
+impl<T: RealField + Copy> Rule<T> for BrachTowardsRest<T> {
+    fn family<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Family<T> {
+        Family::Ratio(self.towards_rest(problem))
     }
 
-    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
         check_friction(self.friction)?;
-        Ok(self.towards_rest(problem).answers(problem)?.first)
-    }
-
-    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
-        check_friction(self.friction)?;
-        Ok(self.towards_rest(problem).answers(problem)?.all())
-    }
-
-    fn known(&self) -> Option<AnyLaw<T>> {
-        Some(AnyLaw(Kind::BrachTowardsRest(*self)))
+        self.towards_rest(problem).answers(problem)
     }
 }
 
-/// The prescribed ratio along the initial slip, and the bound that clips a larger one of the same sign.
-pub(crate) fn asked_and_bound<const D: usize>(law: &Brach, problem: &ImpactProblem<f64, D>) -> (f64, f64) {
-    let contact = Contact::of(problem);
-    let plane = Plane::of(&contact, &direction(&contact), law.restitution);
-    let asked = law.impulse_ratio;
-    (asked, plane.clipped(asked.signum() * (1.0 + asked.abs()) * 1e6).0)
+impl Brach {
+    /// The prescribed ratio along the initial slip, and the bound that clips a larger one of the same sign.
+    pub(crate) fn asked_and_bound<const D: usize>(&self, problem: &ImpactProblem<f64, D>) -> (f64, f64) {
+        let contact = Contact::of(problem);
+        let plane = Plane::of(&contact, &direction(&contact), self.restitution);
+        let asked = self.impulse_ratio;
+        (asked, plane.clipped(asked.signum() * (1.0 + asked.abs()) * 1e6).0)
+    }
 }
 
 /// The unit vector along the slip; without slip that along `H_tn`; without either zero.

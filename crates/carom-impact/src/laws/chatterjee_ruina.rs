@@ -1,10 +1,10 @@
 use nalgebra::{RealField, Vector2};
 
-use super::{AnyLaw, Kind, Law, check_friction, check_restitution, check_tangential_restitution};
+use super::{Family, Rule, check_friction, check_restitution, check_tangential_restitution};
 use crate::branches::Answers;
 use crate::contact::{Contact, length};
 use crate::outcome::{Account, Mode};
-use crate::problem::{NULL_PIVOT, rounding};
+use crate::rounding::{NULL_PIVOT, rounding};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// A combination of two plastic impulses, one without friction (P₁) and one that sticks (P₂), with a normal and a
@@ -59,39 +59,22 @@ pub struct ChatterjeeRuina<T = f64> {
     pub friction: T,
 }
 
-impl<T: RealField + Copy, const D: usize> Law<T, D> for ChatterjeeRuina<T> {
-    fn name(&self) -> &'static str {
-        "chatterjee-ruina"
+impl<T: RealField + Copy> Rule<T> for ChatterjeeRuina<T> {
+    fn family<const D: usize>(&self, _: &ImpactProblem<T, D>) -> Family<T> {
+        Family::Cone(Some(self.tangential_restitution))
     }
 
-    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-        Ok(self.answers(problem)?.first)
-    }
-
-    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
-        Ok(self.answers(problem)?.all())
-    }
-
-    fn known(&self) -> Option<AnyLaw<T>> {
-        Some(AnyLaw(Kind::ChatterjeeRuina(*self)))
+    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
+        check_restitution(self.restitution)?;
+        check_tangential_restitution(self.tangential_restitution)?;
+        check_friction(self.friction)?;
+        let strike = || self.strike(problem);
+        Answers::of(Self::NAME, self.friction, problem, strike, || Ok(vec![strike()?]))
     }
 }
 
 impl<T: RealField + Copy> ChatterjeeRuina<T> {
-    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
-        let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
-        check_restitution(e)?;
-        check_tangential_restitution(self.tangential_restitution)?;
-        check_friction(mu)?;
-        let strike = || self.strike(name, problem);
-        Answers::of(name, mu, problem, strike, || Ok(vec![strike()?]))
-    }
-
-    fn strike<const D: usize>(
-        &self,
-        name: &'static str,
-        problem: &ImpactProblem<T, D>,
-    ) -> Result<ImpactOutcome<T, D>, ImpactError> {
+    fn strike<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
         let (e, mu) = (self.restitution, self.friction);
         let contact = Contact::of(problem);
         let (h, c) = (contact.coupling, contact.normal);
@@ -128,11 +111,11 @@ impl<T: RealField + Copy> ChatterjeeRuina<T> {
             v_t.fill(T::zero());
         }
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
-        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus).in_cone(mu);
+        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
         if account.mode == Mode::Stick && mu == T::zero() && contact.slip.amax() > T::zero() {
             account.mode = Mode::Slip; // without friction it cannot stick
         }
         account.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
-        ImpactOutcome::of(name, problem, impulse, u_plus, &account)
+        ImpactOutcome::of(Self::NAME, problem, impulse, u_plus, account, Some(mu))
     }
 }

@@ -1,6 +1,7 @@
 use nalgebra::RealField;
 
-use super::{AnyLaw, Kind, Law, check_restitution};
+use super::{Family, Rule, check_restitution};
+use crate::branches::Answers;
 use crate::outcome::{Account, Mode};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
@@ -41,23 +42,22 @@ pub struct Frictionless<T = f64> {
     pub restitution: T,
 }
 
-impl<T: RealField + Copy, const D: usize> Law<T, D> for Frictionless<T> {
-    fn name(&self) -> &'static str {
-        "frictionless"
+impl<T: RealField + Copy> Rule<T> for Frictionless<T> {
+    fn family<const D: usize>(&self, _: &ImpactProblem<T, D>) -> Family<T> {
+        Family::Frictionless
     }
 
-    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
+        Ok(Answers { first: self.resolve(problem)?, others: Vec::new() })
+    }
+
+    fn resolve<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
         check_restitution(self.restitution)?;
-        let name = Law::<T, D>::name(self);
         if problem.approach_speed() <= T::zero() {
-            return Ok(ImpactOutcome::none(name, problem, Flags::NONE));
+            return Ok(ImpactOutcome::none(Self::NAME, problem, Flags::NONE));
         }
         problem.check_normal()?;
-        frictionless(name, self.restitution, problem)
-    }
-
-    fn known(&self) -> Option<AnyLaw<T>> {
-        Some(AnyLaw(Kind::Frictionless(*self)))
+        frictionless(Self::NAME, self.restitution, problem)
     }
 }
 
@@ -78,10 +78,9 @@ pub(crate) fn frictionless<T: RealField + Copy, const D: usize>(
     u_plus[n] = -e * u[n];
 
     let slip = |x: &nalgebra::SVector<T, D>| (0..n).any(|i| x[i] != T::zero());
-    let mut account = Account::straight(e, &impulse, u, &u_plus).in_cone(T::zero());
+    let mut account = Account::straight(e, &impulse, u, &u_plus);
     if slip(u) && account.mode == Mode::Stick {
         account.mode = Mode::Slip; // without friction it cannot stick
     }
-    let energies = problem.kinetic_energies([*u, u_plus]);
-    ImpactOutcome::with_energies(law, problem, (impulse, u_plus), energies, &account)
+    ImpactOutcome::of(law, problem, impulse, u_plus, account, Some(T::zero()))
 }

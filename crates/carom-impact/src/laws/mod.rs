@@ -1,5 +1,7 @@
-//! The impact laws, one type each, and their names.
+//! The impact laws, one type each. Another law is a file with its type and the trait [`Rule`], and here its `mod`, its `pub use` and
+//! its row of the table.
 
+mod any;
 mod brach;
 mod chatterjee_ruina;
 mod energetic;
@@ -9,10 +11,10 @@ mod poisson;
 mod smith;
 mod whittaker;
 
-use nalgebra::{RealField, SVector};
+use nalgebra::RealField;
 
+pub use any::{AnyLaw, LAW_NAMES, LAWS, LawInfo, law_by_name};
 pub use brach::Brach;
-use brach::{BrachTowardsRest, asked_and_bound};
 pub use chatterjee_ruina::ChatterjeeRuina;
 pub use energetic::Energetic;
 pub use frictionless::Frictionless;
@@ -22,9 +24,59 @@ pub use poisson::Poisson;
 pub use smith::Smith;
 pub use whittaker::Whittaker;
 
-use crate::flow::Found;
+use crate::branches::Answers;
+use crate::plane::Routh;
 use crate::problem::plain;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
+
+/// Calls the macro `$each` with one row for each law of this crate, in the order of [`LAW_NAMES`](crate::LAW_NAMES):
+///
+/// ```text
+/// /// what the law is, for the classes of the Python package
+/// "name" Type { coefficients } "what the law is, in the help of the command line: 70 columns at most";
+/// ```
+///
+/// The coefficients are fields of the type and of [`Coefficients`](crate::Coefficients), `restitution` first.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! law_table {
+    ($each:ident!) => {
+        $each! {
+            /// The frictionless law; Newton's, Poisson's and Stronge's coefficients are equal without friction.
+            "frictionless" Frictionless { restitution }
+                "ratio of velocities (Newton), no friction";
+
+            /// Whittaker's law: the ratio of normal velocities is `restitution`, and Coulomb's friction acts against the slip after the
+            /// impact. Can gain energy.
+            "whittaker" Whittaker { restitution, friction }
+                "ratio of velocities, friction against the last slip; can gain energy";
+
+            /// Newton's law along the path of the slip: the ratio of normal velocities is `restitution`. Can gain energy.
+            "newton" Newton { restitution, friction }
+                "ratio of velocities, friction at each instant; can gain energy";
+
+            /// Poisson's law along the path of the slip: the ratio of normal impulses is `restitution`.
+            "poisson" Poisson { restitution, friction }
+                "ratio of impulses (Poisson), friction at each instant";
+
+            /// Stronge's law along the path of the slip: the ratio of normal works is the square of `restitution`. Never gains energy.
+            "energetic" Energetic { restitution, friction }
+                "ratio of works (Stronge), friction at each instant";
+
+            /// Chatterjee and Ruina's law: an algebraic law with a coefficient of tangential restitution. Never gains energy.
+            "chatterjee-ruina" ChatterjeeRuina { restitution, friction, tangential_restitution }
+                "formula with normal and tangential restitution";
+
+            /// Brach's law: an impulse ratio, limited so that no energy is gained.
+            "brach" BrachTowardsRest { restitution, friction }
+                "impulse ratio, limited so that no energy is gained";
+
+            /// Smith's law: friction against a mean of the slips before and after.
+            "smith" Smith { restitution, friction }
+                "friction against a mean of the first and the last slip";
+        }
+    };
+}
 
 /// An impact law: a rule that returns the impulse of an [`ImpactProblem`].
 pub trait Law<T: RealField + Copy, const D: usize> {
@@ -119,10 +171,6 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
     }
 }
 
-/// Names that [`law_by_name`] accepts.
-pub const LAW_NAMES: [&str; 8] =
-    ["frictionless", "whittaker", "newton", "poisson", "energetic", "chatterjee-ruina", "brach", "smith"];
-
 /// Coefficients of a contact. Each law uses those that it has.
 ///
 /// ```
@@ -140,219 +188,44 @@ pub struct Coefficients<T = f64> {
     pub friction: T,
 }
 
-/// The law called `name`, or `None` if there is none. The coefficients are checked when the law resolves its first
-/// problem; coefficients that the law does not have are ignored.
-///
-/// ```
-/// use carom_impact::{Coefficients, LAW_NAMES, law_by_name};
-/// let coefficients = Coefficients { restitution: 0.5, friction: 0.2, ..Coefficients::default() };
-/// for name in LAW_NAMES {
-///     assert_eq!(law_by_name::<3>(name, coefficients).unwrap().name(), name);
-/// }
-/// assert!(law_by_name::<2>("hertz", coefficients).is_none());
-/// ```
-pub fn law_by_name<const D: usize>(
-    name: &str,
-    coefficients: Coefficients,
-) -> Option<Box<dyn Law<f64, D> + Send + Sync>> {
-    Some(Box::new(AnyLaw::named(name, coefficients)?))
+/// How a law forms its impulse: what derivatives, boundaries and bands need of it.
+pub(crate) enum Family<T> {
+    /// The normal impulse alone.
+    Frictionless,
+    /// Friction follows the slip in time (Newton, Poisson, Stronge).
+    Path(Routh<T>),
+    /// One total impulse is limited to the cone; with a coefficient of tangential restitution (Chatterjee & Ruina), or without
+    /// (Whittaker).
+    Cone(Option<T>),
+    /// A prescribed impulse ratio is clipped.
+    Ratio(Brach<T>),
+    /// Friction against a mean slip.
+    Mean,
 }
 
-/// Any law of this crate with its coefficients, as one type that can be converted to another scalar type.
-///
-/// ```
-/// use carom_impact::{AnyLaw, Coefficients, Energetic, Law};
-/// let law: &dyn Law<f64, 2> = &Energetic { restitution: 0.5, friction: 0.2 };
-/// let law = law.known().unwrap();
-/// assert_eq!(law.coefficients().friction, 0.2);
-/// let harder = law.with(Coefficients { restitution: 0.9, ..law.coefficients() });
-/// assert_eq!(harder.coefficients().restitution, 0.9);
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AnyLaw<T = f64>(Kind<T>);
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Kind<T> {
-    Frictionless(Frictionless<T>),
-    Whittaker(Whittaker<T>),
-    Newton(Newton<T>),
-    Poisson(Poisson<T>),
-    Energetic(Energetic<T>),
-    ChatterjeeRuina(ChatterjeeRuina<T>),
-    Brach(Brach<T>),
-    BrachTowardsRest(BrachTowardsRest<T>),
-    Smith(Smith<T>),
-}
-
-impl<T: RealField + Copy> AnyLaw<T> {
-    /// The law called `name`, or `None` if there is none; see [`law_by_name`].
-    pub fn named(name: &str, coefficients: Coefficients<T>) -> Option<Self> {
-        let Coefficients { restitution, tangential_restitution, friction } = coefficients;
-        Some(Self(match name {
-            "frictionless" => Kind::Frictionless(Frictionless { restitution }),
-            "whittaker" => Kind::Whittaker(Whittaker { restitution, friction }),
-            "newton" => Kind::Newton(Newton { restitution, friction }),
-            "poisson" => Kind::Poisson(Poisson { restitution, friction }),
-            "energetic" => Kind::Energetic(Energetic { restitution, friction }),
-            "chatterjee-ruina" => {
-                Kind::ChatterjeeRuina(ChatterjeeRuina { restitution, tangential_restitution, friction })
-            }
-            "brach" => Kind::BrachTowardsRest(BrachTowardsRest { restitution, friction }),
-            "smith" => Kind::Smith(Smith { restitution, friction }),
-            _ => return None,
-        }))
-    }
-
-    pub(crate) fn frictionless(restitution: T) -> Self {
-        Self(Kind::Frictionless(Frictionless { restitution }))
-    }
-
-    /// The coefficients of the law; zero for those that it does not have. For [`Brach`] `friction` is the absolute
-    /// value of the impulse ratio.
-    pub fn coefficients(&self) -> Coefficients<T> {
-        let zero = T::zero();
-        let of = |restitution, friction| Coefficients { restitution, tangential_restitution: zero, friction };
-        match self.0 {
-            Kind::Frictionless(Frictionless { restitution }) => of(restitution, zero),
-            Kind::Whittaker(Whittaker { restitution, friction })
-            | Kind::Newton(Newton { restitution, friction })
-            | Kind::Poisson(Poisson { restitution, friction })
-            | Kind::Energetic(Energetic { restitution, friction })
-            | Kind::Smith(Smith { restitution, friction })
-            | Kind::BrachTowardsRest(BrachTowardsRest { restitution, friction }) => of(restitution, friction),
-            Kind::ChatterjeeRuina(ChatterjeeRuina { restitution, tangential_restitution, friction }) => {
-                Coefficients { restitution, tangential_restitution, friction }
-            }
-            Kind::Brach(Brach { restitution, impulse_ratio }) => of(restitution, impulse_ratio.abs()),
-        }
-    }
-
-    /// The same law with other coefficients, of any scalar type. [`Brach`] keeps the sign of its impulse ratio.
-    pub fn with<U: RealField + Copy>(&self, coefficients: Coefficients<U>) -> AnyLaw<U> {
-        let Coefficients { restitution, tangential_restitution, friction } = coefficients;
-        AnyLaw(match self.0 {
-            Kind::Frictionless(_) => Kind::Frictionless(Frictionless { restitution }),
-            Kind::Whittaker(_) => Kind::Whittaker(Whittaker { restitution, friction }),
-            Kind::Newton(_) => Kind::Newton(Newton { restitution, friction }),
-            Kind::Poisson(_) => Kind::Poisson(Poisson { restitution, friction }),
-            Kind::Energetic(_) => Kind::Energetic(Energetic { restitution, friction }),
-            Kind::ChatterjeeRuina(_) => {
-                Kind::ChatterjeeRuina(ChatterjeeRuina { restitution, tangential_restitution, friction })
-            }
-            Kind::Brach(Brach { impulse_ratio, .. }) => {
-                let impulse_ratio = if impulse_ratio < T::zero() { -friction } else { friction };
-                Kind::Brach(Brach { restitution, impulse_ratio })
-            }
-            Kind::BrachTowardsRest(_) => Kind::BrachTowardsRest(BrachTowardsRest { restitution, friction }),
-            Kind::Smith(_) => Kind::Smith(Smith { restitution, friction }),
-        })
-    }
-
-    /// Whether the law follows the slip in time (Newton, Poisson, Stronge).
-    pub(crate) fn follows_slip(&self) -> bool {
-        matches!(self.0, Kind::Newton(_) | Kind::Poisson(_) | Kind::Energetic(_))
-    }
-
-    /// Whether the law has no friction.
-    pub(crate) fn is_frictionless(&self) -> bool {
-        matches!(self.0, Kind::Frictionless(_))
-    }
-
-    pub(crate) fn is_newton(&self) -> bool {
-        matches!(self.0, Kind::Newton(_))
-    }
-
-    /// Whether the law is Newton's or Poisson's, whose outcomes contain no square root.
-    pub(crate) fn is_rational(&self) -> bool {
-        matches!(self.0, Kind::Newton(_) | Kind::Poisson(_))
-    }
-
-    /// Whether the law limits one total impulse to the cone: Whittaker's (`Some(None)`), or Chatterjee & Ruina's with
-    /// its tangential restitution.
-    pub(crate) fn cone(&self) -> Option<Option<T>> {
-        match self.0 {
-            Kind::Whittaker(_) => Some(None),
-            Kind::ChatterjeeRuina(law) => Some(Some(law.tangential_restitution)),
-            _ => None,
-        }
-    }
-
-    /// The path of an impact whose slip turns in space, for a law that follows it in time; `None` for others.
-    pub(crate) fn turning<const D: usize>(
-        &self,
-        problem: &ImpactProblem<T, D>,
-    ) -> Result<Option<Found<T, D>>, ImpactError> {
-        match &self.0 {
-            Kind::Newton(law) => law.path().turning(problem),
-            Kind::Poisson(law) => law.path().turning(problem),
-            Kind::Energetic(law) => law.path().turning(problem),
-            _ => Ok(None),
-        }
-    }
-
-    /// The impulse alone, without the energies, works and flags of an outcome.
-    pub(crate) fn impulse<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<SVector<T, D>, ImpactError> {
-        match &self.0 {
-            Kind::Newton(law) => law.path().impulse(problem),
-            Kind::Poisson(law) => law.path().impulse(problem),
-            Kind::Energetic(law) => law.path().impulse(problem),
-            _ => Ok(self.resolve(problem)?.impulse),
-        }
-    }
-
-    fn dynamic<const D: usize>(&self) -> &dyn Law<T, D> {
-        match &self.0 {
-            Kind::Frictionless(law) => law,
-            Kind::Whittaker(law) => law,
-            Kind::Newton(law) => law,
-            Kind::Poisson(law) => law,
-            Kind::Energetic(law) => law,
-            Kind::ChatterjeeRuina(law) => law,
-            Kind::Brach(law) => law,
-            Kind::BrachTowardsRest(law) => law,
-            Kind::Smith(law) => law,
-        }
-    }
-}
-
-macro_rules! any_law_from {
-    ($($law:ident),*) => {
-        $(impl<T> From<$law<T>> for AnyLaw<T> {
-            fn from(law: $law<T>) -> Self {
-                Self(Kind::$law(law))
-            }
-        })*
-    };
-}
-
-any_law_from!(Frictionless, Whittaker, Newton, Poisson, Energetic, ChatterjeeRuina, Brach, Smith);
-
-impl AnyLaw {
-    /// For Brach's law, the prescribed impulse ratio and the bound that clips it.
-    pub(crate) fn brach_ratios<const D: usize>(&self, problem: &ImpactProblem<f64, D>) -> Option<(f64, f64)> {
-        match self.0 {
-            Kind::Brach(law) => Some(asked_and_bound(&law, problem)),
-            Kind::BrachTowardsRest(law) => Some(asked_and_bound(&law.towards_rest(problem), problem)),
+impl<T> Family<T> {
+    /// The path of a law that follows the slip in time.
+    pub fn path(self) -> Option<Routh<T>> {
+        match self {
+            Self::Path(path) => Some(path),
             _ => None,
         }
     }
 }
 
-impl<T: RealField + Copy, const D: usize> Law<T, D> for AnyLaw<T> {
-    fn name(&self) -> &'static str {
-        self.dynamic::<D>().name()
+/// What the file of a law defines; everything else follows from its row in the table (`table.rs`).
+pub(crate) trait Rule<T: RealField + Copy> {
+    fn family<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Family<T>;
+
+    /// The outcome, and at `u_n = 0` the others that satisfy the law.
+    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError>;
+
+    fn resolve<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        Ok(self.answers(problem)?.first)
     }
 
-    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-        self.dynamic::<D>().resolve(problem)
-    }
-
-    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
-        self.dynamic::<D>().branches(problem)
-    }
-
-    fn known(&self) -> Option<AnyLaw<T>> {
-        Some(*self)
+    fn branches<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
+        Ok(self.answers(problem)?.all())
     }
 }
 

@@ -1,6 +1,7 @@
 use nalgebra::RealField;
 
-use super::{AnyLaw, Kind, Law};
+use super::{Family, Rule};
+use crate::branches::Answers;
 use crate::plane::Routh;
 use crate::routh::Ending;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
@@ -50,27 +51,23 @@ pub struct Newton<T = f64> {
     pub friction: T,
 }
 
-impl<T: RealField + Copy, const D: usize> Law<T, D> for Newton<T> {
-    fn name(&self) -> &'static str {
-        "newton"
+impl<T: RealField + Copy> Rule<T> for Newton<T> {
+    fn family<const D: usize>(&self, _: &ImpactProblem<T, D>) -> Family<T> {
+        Family::Path(self.path())
     }
 
-    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
+        self.path().answers(problem)
+    }
+
+    fn resolve<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
         self.path().resolve(problem)
-    }
-
-    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
-        Ok(self.path().answers(problem)?.all())
-    }
-
-    fn known(&self) -> Option<AnyLaw<T>> {
-        Some(AnyLaw(Kind::Newton(*self)))
     }
 }
 
 impl<T: RealField + Copy> Newton<T> {
-    pub(super) fn path(&self) -> Routh<T> {
+    fn path(&self) -> Routh<T> {
         let Self { restitution, friction } = *self;
-        Routh { law: "newton", restitution, friction, ending: Ending::Velocity }
+        Routh { law: Self::NAME, restitution, friction, ending: Ending::Velocity }
     }
 }

@@ -1,11 +1,11 @@
 use nalgebra::{Matrix2, RealField, Vector2, convert};
 
-use super::{AnyLaw, Kind, Law, check_friction, check_restitution};
+use super::{Family, Rule, check_friction, check_restitution};
 use crate::branches::Answers;
 use crate::cone::{Cone, Touch};
 use crate::contact::{Contact, Mobility, length};
 use crate::outcome::{Account, Mode};
-use crate::problem::{NULL_PIVOT, rounding};
+use crate::rounding::{NULL_PIVOT, rounding};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// A value below this multiple of ε times the terms it is compared with counts as zero.
@@ -59,55 +59,41 @@ pub struct Smith<T = f64> {
     pub friction: T,
 }
 
-impl<T: RealField + Copy, const D: usize> Law<T, D> for Smith<T> {
-    fn name(&self) -> &'static str {
-        "smith"
+impl<T: RealField + Copy> Rule<T> for Smith<T> {
+    fn family<const D: usize>(&self, _: &ImpactProblem<T, D>) -> Family<T> {
+        Family::Mean
     }
 
-    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-        Ok(self.answers(problem)?.first)
-    }
-
-    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
-        Ok(self.answers(problem)?.all())
-    }
-
-    fn known(&self) -> Option<AnyLaw<T>> {
-        Some(AnyLaw(Kind::Smith(*self)))
-    }
-}
-
-impl<T: RealField + Copy> Smith<T> {
     fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
-        let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
+        let (e, mu) = (self.restitution, self.friction);
         check_restitution(e)?;
         check_friction(mu)?;
         let contact = Contact::of(problem);
         let strike = || {
             let found = answer(&contact, e, mu);
             let refused = || contact.wedged(mu, contact.v_n, contact.held_inverse_mass());
-            self.outcome(name, problem, found.ok_or_else(refused)?)
+            self.outcome(problem, found.ok_or_else(refused)?)
         };
-        let from_rest =
-            || from_rest(&contact, mu).map(|found| self.outcome(name, problem, found)).into_iter().collect();
-        Answers::of(name, mu, problem, strike, from_rest)
+        let from_rest = || from_rest(&contact, mu).map(|found| self.outcome(problem, found)).into_iter().collect();
+        Answers::of(Self::NAME, mu, problem, strike, from_rest)
     }
+}
 
+impl<T: RealField + Copy> Smith<T> {
     fn outcome<const D: usize>(
         &self,
-        name: &'static str,
         problem: &ImpactProblem<T, D>,
         (tangent, p_n, v_t): (Vector2<T>, T, Vector2<T>),
     ) -> Result<ImpactOutcome<T, D>, ImpactError> {
         let (e, mu, contact) = (self.restitution, self.friction, Contact::of(problem));
         let impulse = Contact::lift(&tangent, p_n);
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
-        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus).in_cone(mu);
+        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
         if account.mode == Mode::Stick && contact.slip.amax() > T::zero() {
             account.mode = Mode::Slip; // this law does not stick
         }
         account.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
-        ImpactOutcome::of(name, problem, impulse, u_plus, &account)
+        ImpactOutcome::of(Self::NAME, problem, impulse, u_plus, account, Some(mu))
     }
 }
 

@@ -1,13 +1,13 @@
 use nalgebra::{RealField, convert};
 
-use super::{AnyLaw, Kind, Law, check_friction, check_restitution};
+use super::{Family, Rule, check_friction, check_restitution};
 use crate::branches::Answers;
 use crate::cone::{Cone, Touch};
 use crate::contact::{Contact, length};
 use crate::flow::Found;
 use crate::outcome::{Account, Mode};
 use crate::plane::{others_with_friction, resolve_with_friction};
-use crate::problem::rounding;
+use crate::rounding::rounding;
 use crate::routh::{Answer, Turns, coefficient_of_work};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
@@ -68,35 +68,14 @@ pub struct Whittaker<T = f64> {
     pub friction: T,
 }
 
-impl<T: RealField + Copy, const D: usize> Law<T, D> for Whittaker<T> {
-    fn name(&self) -> &'static str {
-        "whittaker"
+impl<T: RealField + Copy> Rule<T> for Whittaker<T> {
+    fn family<const D: usize>(&self, _: &ImpactProblem<T, D>) -> Family<T> {
+        Family::Cone(None)
     }
 
-    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-        Ok(self.answers(problem)?.first)
-    }
-
-    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
-        let mut answers = self.answers(problem)?;
-        if problem.approach_speed() > T::zero() && answers.first.flags.contains(Flags::NON_UNIQUE) {
-            answers.others = self.others(problem, Which::Second);
-            for other in &mut answers.others {
-                other.flags |= Flags::NON_UNIQUE;
-            }
-        }
-        Ok(answers.all())
-    }
-
-    fn known(&self) -> Option<AnyLaw<T>> {
-        Some(AnyLaw(Kind::Whittaker(*self)))
-    }
-}
-
-impl<T: RealField + Copy> Whittaker<T> {
     /// The other solutions of an approach are left out: counting them is cheaper.
     fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
-        let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
+        let (e, mu) = (self.restitution, self.friction);
         check_restitution(e)?;
         check_friction(mu)?;
         let strike = || {
@@ -113,14 +92,27 @@ impl<T: RealField + Copy> Whittaker<T> {
                 found.account.flags |= Flags::NON_UNIQUE.when(cone.answers(mu, &contact.slip, -gain) > 1);
                 Ok(found)
             };
-            resolve_with_friction(name, e, mu, problem, in_plane, in_space)
+            resolve_with_friction(Self::NAME, e, mu, problem, in_plane, in_space)
         };
         // Without approach the first solution is the zero impulse.
-        Answers::of(name, mu, problem, strike, || Ok(self.others(problem, Which::First)))
+        Answers::of(Self::NAME, mu, problem, strike, || Ok(self.others(problem, Which::First)))
     }
 
+    fn branches<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
+        let mut answers = self.answers(problem)?;
+        if problem.approach_speed() > T::zero() && answers.first.flags.contains(Flags::NON_UNIQUE) {
+            answers.others = self.others(problem, Which::Second);
+            for other in &mut answers.others {
+                other.flags |= Flags::NON_UNIQUE;
+            }
+        }
+        Ok(answers.all())
+    }
+}
+
+impl<T: RealField + Copy> Whittaker<T> {
     fn others<const D: usize>(&self, problem: &ImpactProblem<T, D>, in_plane: Which) -> Vec<ImpactOutcome<T, D>> {
-        let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
+        let (e, mu) = (self.restitution, self.friction);
         if mu == T::zero() {
             return Vec::new();
         }
@@ -138,7 +130,7 @@ impl<T: RealField + Copy> Whittaker<T> {
             }
             touches.iter().map(|touch| self.found(problem, touch)).collect()
         };
-        others_with_friction(name, mu, problem, |contact| algebraic(contact, e, mu, in_plane), in_space)
+        others_with_friction(Self::NAME, mu, problem, |contact| algebraic(contact, e, mu, in_plane), in_space)
     }
 
     /// `C P_n + h·P_t`.
@@ -151,7 +143,7 @@ impl<T: RealField + Copy> Whittaker<T> {
         let impulse = Contact::lift(&touch.tangent, touch.normal);
         // Exactly opposed to the friction; zero if it sticks.
         let u_plus = Contact::lift(&(touch.tangent * -touch.slip), -e * contact.v_n);
-        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus).in_cone(self.friction);
+        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
         account.flags |= Flags::SINGULAR.when(contact.is_singular());
         Found { impulse, u_plus, account }
     }
@@ -240,7 +232,6 @@ fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T, wh
             slip_end: None,
             slip_stop: None,
             flags,
-            cone: Some(mu),
         },
         turns: Turns::AtTheEnd,
     })

@@ -5,9 +5,7 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::Constraint;
 use crate::cone::Cone;
-
-/// A value below this share of those it is compared with counts as zero.
-const NOTHING: f64 = 1024.0 * f64::EPSILON;
+use crate::rounding::NULL_PIVOT;
 
 /// A constraint with the entries of H that belong to it.
 #[derive(Clone)]
@@ -29,7 +27,8 @@ pub(super) struct Block {
 
 /// A diagonal entry of H up to this is rounding relative to the whole matrix, and counts as zero (1/kg).
 pub(super) fn nothing(h: &DMatrix<f64>) -> f64 {
-    (0..h.nrows()).fold(0.0, |most: f64, i| most.max(h[(i, i)].abs())) * NOTHING * NOTHING
+    let null = NULL_PIVOT * f64::EPSILON;
+    (0..h.nrows()).fold(0.0, |most: f64, i| most.max(h[(i, i)].abs())) * null * null
 }
 
 impl Block {

@@ -74,13 +74,8 @@ pub use unique::undetermined;
 
 use crate::laws::{check_friction, check_restitution};
 use crate::problem::{check_delassus, check_velocity};
+use crate::rounding::{CANCELLED, SOLVED};
 use crate::{Flags, ImpactError};
-
-/// An energy gain below this multiple of ε times the energies exchanged counts as rounding.
-const GAIN: f64 = 64.0;
-
-/// With a larger residual impulses are not a solution.
-const SOLVED: f64 = 1e-9;
 
 /// One constraint of an impact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -262,7 +257,7 @@ impl SeveralProblem {
         let energy_change = 0.5 * impulse.dot(&(&self.u_minus + u_plus));
         let passed = 0.5 * impulse.abs().dot(&(self.u_minus.abs() + u_plus.abs()));
         // A gain within the residual is not one of the law.
-        let gains = energy_change > passed * (GAIN * f64::EPSILON).max(residual);
+        let gains = energy_change > passed * (CANCELLED * f64::EPSILON).max(residual);
         // Where no solution was found, zero impulses do not mean that none is needed.
         let open = impulse.amax() == 0.0 && residual <= SOLVED;
         (energy_change, Flags::ENERGY_GAIN.when(gains) | Flags::NO_APPROACH.when(open))

@@ -15,8 +15,7 @@ use std::borrow::Cow;
 
 use nalgebra::{DMatrix, DVector};
 
-/// A pivot below this share of the diagonal entry it comes from counts as zero.
-const RANK: f64 = 256.0 * f64::EPSILON;
+use crate::rounding::COUPLING;
 
 /// H in factors.
 pub(super) struct Response<'a> {
@@ -101,7 +100,7 @@ pub(super) fn thin_factor(h: &DMatrix<f64>, most: usize) -> Option<DMatrix<f64>>
             let share = share(i);
             if share > most { (i, share) } else { (best, most) }
         });
-        if largest <= RANK {
+        if largest <= COUPLING * f64::EPSILON {
             return (k > 0).then(|| factor.remove_rows(k, most - k));
         }
         if k == most {

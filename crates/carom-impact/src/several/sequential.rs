@@ -7,11 +7,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
 use super::block::{Block, nothing};
 use super::{Accuracy, Constraint, SeveralProblem};
 use crate::Flags;
-
-/// Eigenvalues and inverse masses below this share of their scale count as zero.
-const RANK: f64 = 1e-12;
-/// Approach velocities that differ by less than this share are equal.
-const TIE: f64 = 1e-9;
+use crate::rounding::{RANK, SOLVED};
 
 /// The rule that selects the next constraint.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -149,7 +145,7 @@ impl SeveralProblem {
                     left.clear();
                     left.extend((0..reduced.blocks.len()).map(|k| if reduced.mobile[k] { state.left(k) } else { 0.0 }));
                     let most = left.iter().fold(0.0_f64, |most, left| most.max(*left));
-                    let mut equal = (0..left.len()).filter(|&k| most > enough && left[k] >= (1.0 - TIE) * most);
+                    let mut equal = (0..left.len()).filter(|&k| most > enough && left[k] >= (1.0 - SOLVED) * most);
                     let first = equal.next();
                     open |= first.is_some_and(|first| equal.any(|k| reduced.are_coupled(first, k)));
                     first

@@ -16,14 +16,11 @@ use nalgebra::{DMatrix, DVector};
 
 use super::response::thin_factor;
 use super::{Constraint, SeveralProblem};
+use crate::rounding::SOLVED;
 
-/// Singular values of K below this share of the largest count as zero.
-const NULL: f64 = 1e-9;
 /// Changes of forces whose effect on the motion is below this share of that of the largest single force count as without effect:
 /// directions of slip have an error of 1e-6.
 const EFFECT: f64 = 1e-5;
-/// Impulses below this share of the largest are zero.
-const LOADED: f64 = 1e-9;
 /// Slip below this share of the velocities has no direction.
 const SLIPS: f64 = 1e-6;
 
@@ -61,7 +58,7 @@ pub fn undetermined(delassus: &DMatrix<f64>, gram: &DMatrix<f64>) -> Vec<bool> {
     let gram = DMatrix::from_fn(m, m, |i, j| gram[(i, j)] * sizes[i] * sizes[j]);
     let Some(svd) = scaled.try_svd(false, true, f64::EPSILON, 1000) else { return found };
     let Some(v_t) = svd.v_t else { return found };
-    let least = NULL * svd.singular_values.amax();
+    let least = SOLVED * svd.singular_values.amax();
     for (value, row) in svd.singular_values.iter().zip(v_t.row_iter()) {
         let null = row.transpose();
         // Rows of zeros: a direction that a chain does not have.
@@ -78,7 +75,7 @@ pub fn undetermined(delassus: &DMatrix<f64>, gram: &DMatrix<f64>) -> Vec<bool> {
 impl SeveralProblem {
     /// Whether other impulses satisfy the law as well, in the modes of these, and give other velocities.
     pub(super) fn has_others(&self, impulse: &DVector<f64>, u_plus: &DVector<f64>) -> bool {
-        let loads = LOADED * impulse.amax();
+        let loads = SOLVED * impulse.amax();
         let slips = SLIPS * self.u_minus.amax().max(self.u_free.amax());
         // The rows that are held; the columns of the directions of impulses.
         let (mut held, mut along, mut slides) = (Vec::new(), Vec::new(), 0);

@@ -71,24 +71,7 @@ impl ChainImpact {
             drive_work: 0.0,
             mode: Mode::Open,
             flags: Flags::default(),
-            contact: ImpactOutcome {
-                law: "",
-                impulse: zero,
-                u_minus: zero,
-                u_plus: zero,
-                mode: Mode::Open,
-                energy_before: 0.0,
-                energy_after: 0.0,
-                energy_change: 0.0,
-                normal_work: 0.0,
-                friction_work: 0.0,
-                newton: None,
-                poisson: None,
-                energetic: None,
-                slip_end: None,
-                slip_stop: None,
-                flags: Flags::default(),
-            },
+            contact: ImpactOutcome::default(),
         }
     }
 

@@ -13,7 +13,6 @@ mod leg;
 mod memory;
 mod modes;
 mod observer;
-mod root;
 mod sampler;
 mod sensitivity;
 mod session;

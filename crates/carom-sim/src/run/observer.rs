@@ -22,9 +22,9 @@
 
 use super::flow::System;
 use super::guard::GuardValue;
-use super::root::descent;
 use super::sampler::{Sampler, Step};
 use super::trajectory::Segment;
+use carom_impact::roots::descent;
 use ivp::dense::StepInterpolant;
 use ivp::solout::{ControlFlag, SolOut};
 

@@ -6,7 +6,7 @@ use crate::contact::{
 };
 use crate::error::SimError;
 use carom_chain::Chain;
-use carom_impact::{Coefficients, Damping, LAW_NAMES, NormalForce};
+use carom_impact::{Coefficients, Damping, LAW_NAMES, LawInfo, NormalForce};
 use std::collections::BTreeSet;
 
 /// The rule of `[contact]`.
@@ -59,7 +59,8 @@ pub(crate) fn unused(contact: &Contact, surfaces: &[file::Surface], touches: &[T
     let own = surfaces.iter().map(|surface| surface.contact.tangential_restitution);
     let given = own.chain(contact.pair.iter().map(|pair| pair.tangential_restitution)).flatten();
     let given = given.chain([contact.tangential_restitution]).any(|value| value != 0.0);
-    let used = touches.iter().any(|touch| touch.contact.law.name() == "chatterjee-ruina");
+    let uses = |law: &str| LawInfo::named(law).is_some_and(|law| law.has("tangential_restitution"));
+    let used = touches.iter().any(|touch| uses(touch.contact.law.name()));
     (given && !used).then(|| {
         "tangential_restitution: only the law \"chatterjee-ruina\" uses it, and no contact of this scene has it".into()
     })

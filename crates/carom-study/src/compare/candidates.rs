@@ -1,13 +1,13 @@
 //! The models that are compared: a law, the effects beyond constant coefficients, and the parameters that are fitted.
 
 use crate::fit::Region;
-use carom_impact::{Coefficients, LAW_NAMES};
+use carom_impact::{Coefficients, LAWS, LawInfo};
 use carom_sim::SeveralLaw;
 
 /// A law with effects, whose parameters are fitted.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Candidate {
-    /// One of [`LAW_NAMES`].
+    /// Name of one of [`LAWS`].
     pub law: &'static str,
     /// The law of impacts of several contacts; irrelevant for single impacts.
     pub several: SeveralLaw,
@@ -232,17 +232,15 @@ const ANGLE_ERRORS: [f64; 9] = [0.0, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06,
 const TOE_INERTIAS: [f64; 5] = [0.0, 0.02, 0.05, 0.1, 0.2];
 
 impl Candidate {
-    /// Every law of [`LAW_NAMES`] with the coefficients that it has, and no effect.
+    /// Every law of [`LAWS`] with the coefficients that it has, and no effect.
     pub fn all() -> Vec<Self> {
         use Parameter::{Friction, Restitution, Tangential};
-        let parameters = |law| match law {
-            "frictionless" => vec![Restitution],
-            "chatterjee-ruina" => vec![Restitution, Friction, Tangential],
-            _ => vec![Restitution, Friction],
-        };
+        let own = [(Restitution, "restitution"), (Friction, "friction"), (Tangential, "tangential_restitution")];
+        let parameters =
+            |law: &LawInfo| own.into_iter().filter(|(_, name)| law.has(name)).map(|(own, _)| own).collect();
         let several = SeveralLaw::default();
-        let one = |law| Self { law, several, effects: Vec::new(), parameters: parameters(law) };
-        LAW_NAMES.into_iter().map(one).collect()
+        let one = |law: &LawInfo| Self { law: law.name, several, effects: Vec::new(), parameters: parameters(law) };
+        LAWS.iter().map(one).collect()
     }
 
     /// Every law with the default law of several contacts, and Stronge's law with the others.

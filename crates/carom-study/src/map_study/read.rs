@@ -13,7 +13,7 @@ use crate::Column;
 use carom_chain::algebra::Algebra;
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
 use carom_chain::{Chain, Coordinates, FrameId, JointInfo, Point, input};
-use carom_impact::{AnyLaw, Coefficients, LAW_NAMES};
+use carom_impact::{AnyLaw, Coefficients, LAW_NAMES, LawInfo};
 use nalgebra::{SMatrix, SVector, Vector3};
 use std::path::Path;
 
@@ -194,7 +194,8 @@ impl Reading<'_> {
         let friction = axis("impact", "friction", "", &impact.friction)?;
         within("impact", &friction, 0.0, f64::MAX, "a coefficient of friction is not negative")?;
         axes.extend([speed, restitution, tangential, friction, laws(&impact.law)?]);
-        if impact.tangential_restitution.is_some() && !impact.law.0.iter().any(|law| law == "chatterjee-ruina") {
+        let uses = |law: &String| LawInfo::named(law).is_some_and(|law| law.has("tangential_restitution"));
+        if impact.tangential_restitution.is_some() && !impact.law.0.iter().any(uses) {
             return Err(
                 "[impact] tangential_restitution is used by law = \"chatterjee-ruina\" only: leave it out".into()
             );

@@ -31,27 +31,19 @@ mod tree;
 pub use report::{markdown, svg};
 pub use scenes::SCENES;
 
-use carom_impact::{Coefficients, Law, law_by_name};
+use carom_impact::{Coefficients, LAW_NAMES, Law, law_by_name};
 use rayon::prelude::*;
 
 /// The methods, in the order of the table's columns: the laws of one contact, those of several, and the simulators.
-pub const METHODS: [&str; 15] = [
-    "frictionless",
-    "whittaker",
-    "newton",
-    "poisson",
-    "energetic",
-    "chatterjee-ruina",
-    "brach",
-    "smith",
-    MOREAU,
-    GLOCKER_PFEIFFER,
-    SEQUENTIAL,
-    LIU_ZHAO_BROGLIATO,
-    EVENTS,
-    STEPS,
-    COMPLIANT,
-];
+pub const METHODS: [&str; LAW_NAMES.len() + 7] = {
+    let others = [MOREAU, GLOCKER_PFEIFFER, SEQUENTIAL, LIU_ZHAO_BROGLIATO, EVENTS, STEPS, COMPLIANT];
+    let (mut all, mut k) = ([""; LAW_NAMES.len() + 7], 0);
+    while k < all.len() {
+        all[k] = if k < LAW_NAMES.len() { LAW_NAMES[k] } else { others[k - LAW_NAMES.len()] };
+        k += 1;
+    }
+    all
+};
 
 /// Newton's restitution for all contacts at once.
 pub const MOREAU: &str = "moreau";

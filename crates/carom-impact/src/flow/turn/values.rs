@@ -3,9 +3,10 @@
 use nalgebra::Vector2;
 use pulp::{Scalar, Simd, WithSimd};
 
-use super::super::series::{At, Function, Series, guess, root};
+use super::super::series::{At, Series, guess, root};
 use super::super::state::Return;
 use super::{Quantity, Sums, Turn};
+use crate::roots::Function;
 
 /// A series, or minus it.
 pub(super) struct Signed<'a> {

@@ -7,11 +7,10 @@ use nalgebra::{DMatrix, DVector};
 
 use super::sequential::Reduced;
 use super::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
+use crate::rounding::RANK;
 use crate::{Flags, ImpactError};
 use motion::{Motion, Pressed};
 
-/// A stiffness or mobility below this share of the largest one counts as zero.
-const NOTHING: f64 = 1e-12;
 /// Steps of the integration are this much more accurate than the outcome.
 const FINER: f64 = 0.1;
 
@@ -176,9 +175,9 @@ impl SeveralProblem {
         let largest = contacts.iter().fold(0.0_f64, |most, &(_, row)| most.max(h[(row, row)]));
         let mut pressed = Vec::new();
         for &(k, row) in &contacts {
-            if h[(row, row)] > NOTHING * NOTHING * largest {
+            if h[(row, row)] > RANK * RANK * largest {
                 pressed.push((k, row));
-            } else if u[row] < -NOTHING.sqrt() * self.u_minus.amax() {
+            } else if u[row] < -RANK.sqrt() * self.u_minus.amax() {
                 return Err(ImpactError::SingularNormal { inverse_mass: h[(row, row)], trace: self.delassus.trace() });
             }
         }
