@@ -16,7 +16,9 @@ use super::log::{JOINTS, Log, MEASURED, MOTORS, SAMPLE, SIDES, SPRINGS, Sample, 
 use carom_chain::urdf::{Collision, Inertial, Joint, JointType, Limits, Link, LoadOptions, Robot, Shape};
 use carom_chain::{Chain, ChainError, Coordinates};
 use carom_contact::Obstacle;
-use carom_sim::{Drive, Loop, LoopFrame, LoopJoint, Sampling, Seen, SimError, Simulation, Spring, Surface, TorqueTable, Touch};
+use carom_sim::{
+    Drive, Loop, LoopFrame, LoopJoint, Sampling, Seen, SimError, Simulation, Spring, Surface, TorqueTable, Touch,
+};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 /// Samples from the landing to the middle of those by which a jump is measured: 7 and 5 ms. The first is fitted.
@@ -246,8 +248,11 @@ impl Landing {
         let floor = Surface { name: "floor".into(), obstacle, contact: rule(model, x), motion: None };
         let touches = Touch::all(&chain, &[floor], 0.0)?.touches;
         let times = (0..self.torques.len()).map(|k| k as f64 * SAMPLE).collect();
-        let drive =
-            if has(Effect::Springs) { Drive::Table(TorqueTable { times, forces: self.torques.clone() }) } else { Drive::Off };
+        let drive = if has(Effect::Springs) {
+            Drive::Table(TorqueTable { times, forces: self.torques.clone() })
+        } else {
+            Drive::Off
+        };
         let zeno_time = Simulation::zeno_time_for(tolerance);
         Ok(Simulation {
             gravity: GRAVITY,
