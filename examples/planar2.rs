@@ -4,7 +4,7 @@
 //! `cargo run --example planar2`, then `rerun planar2.rrd`
 
 use carom::Chain;
-use carom::study::paper::{self, Run};
+use carom_evidence::paper::{self, Run};
 use std::fmt::Write;
 
 const URDF: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf");
@@ -68,8 +68,8 @@ fn record(arm: &Chain, runs: &[Run]) -> Result<(), Box<dyn std::error::Error>> {
         before.reverse();
         let after = motion(&run.hit.qd_plus, 0.6)?;
         let approach = Approach { normal: -Vector2::x(), tangent: -Vector2::y(), restitution: run.restitution };
-        let map = tangential_map(&flat, tip, [0.45, 0.45], approach, run.elbow, targets())?;
-        sides.push(Side { run: run.clone(), before, after, map });
+        let map = tangential_map(&flat, tip, [0.45, 0.45], approach, run.elbow.side(), targets())?;
+        sides.push(Side { elbow: run.elbow.name(), q: pose, hit: run.hit.clone(), before, after, map });
     }
     let path = std::path::Path::new("planar2.rrd");
     record_planar2(arm, &sides, &table(runs), path)?;

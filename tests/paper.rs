@@ -1,8 +1,8 @@
 //! The two-link experiment: the documented numbers of the stand-in arm, and the claims of the paper.
 
 use carom::Chain;
-use carom::study::paper::{self, Elbow, Tangential};
 use carom::study::{Approach, self_motion, tangential_map};
+use carom_evidence::paper::{self, Elbow, Tangential};
 use nalgebra::{Vector2, Vector3};
 
 fn arm(name: &str) -> Chain {
@@ -91,7 +91,7 @@ fn map_agrees_with_the_experiment_and_with_eq_15() {
     let reach = 0.9 * 0.5_f64.sqrt();
     for elbow in Elbow::BOTH {
         let targets = [[reach, 0.0], [0.2, 0.5], [2.0, 0.0]];
-        let map = tangential_map(&flat, tip, [0.45, 0.45], approach, elbow, targets).unwrap();
+        let map = tangential_map(&flat, tip, [0.45, 0.45], approach, elbow.side(), targets).unwrap();
         assert_eq!(map.len(), 2, "the last target is out of reach");
         let run = paper::strike(&chain, elbow, 45.0, 0.2, 0.35).unwrap();
         let (before, after) = run.tangential();

@@ -4,7 +4,7 @@ use crate::error::CliError;
 use crate::files;
 use crate::output::{to_json, write_whole};
 use crate::scene::load;
-use carom_study::chart::{
+use carom_evidence::chart::{
     Absent, Chart, MOST_LABELLED, PeerOutcome, PeerRun, Run, Stiffened, StiffnessChart, csv, from_csv, knob_value,
     labelled_svg, stiffness_svg, svg,
 };

@@ -5,10 +5,10 @@ use crate::fit::Bar;
 use crate::input::LoadArgs;
 use crate::output::{make_folder, to_json, write_whole};
 use crate::{files, output::answer};
-use carom_study::Horizon;
-use carom_study::compare::{
+use carom_evidence::compare::{
     CompareError, CompareOptions, Comparison, TossCases, compare, data_sets, markdown, summary, svg, toss_cases,
 };
+use carom_study::Horizon;
 use clap::{Args, builder::PossibleValuesParser};
 use serde::Serialize;
 use std::io::{self, Write};

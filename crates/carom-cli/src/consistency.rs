@@ -3,7 +3,7 @@
 use crate::error::CliError;
 use crate::files;
 use crate::output::{answer, short, write_whole};
-use carom_study::consistency::{Findings, MeasuredRow, Range, Rounded, consistency, read_measured, v_plot};
+use carom_evidence::consistency::{Findings, MeasuredRow, Range, Rounded, consistency, read_measured, v_plot};
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -173,7 +173,7 @@ fn told<'a>(row: &'a MeasuredRow, found: &Findings) -> Row<'a> {
             changes: implied.changes.iter().map(|change| change.name()).collect(),
         }),
     });
-    let change = |change: &carom_study::consistency::Change| {
+    let change = |change: &carom_evidence::consistency::Change| {
         let entry = &row.entries[change.entry];
         Change {
             angle_deg: entry.angle_deg,

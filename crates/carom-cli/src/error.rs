@@ -23,10 +23,10 @@ pub enum CliError {
     Table(#[from] carom_study::TableError),
     /// Measurements; the message names their file.
     #[error(transparent)]
-    Measured(#[from] carom_study::consistency::MeasuredError),
+    Measured(#[from] carom_evidence::consistency::MeasuredError),
     /// The figures of the paper; the message names their folder.
     #[error(transparent)]
-    Paper(#[from] carom_study::paper::PaperError),
+    Paper(#[from] carom_evidence::paper::PaperError),
     /// A file that cannot be written.
     #[error("{file}: cannot be written: {reason}")]
     Unwritable {

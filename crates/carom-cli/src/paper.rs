@@ -3,7 +3,7 @@
 use crate::error::CliError;
 use crate::files;
 use crate::output::answer;
-use carom_study::paper::{Paper, PaperError, stand_in};
+use carom_evidence::paper::{Paper, PaperError, stand_in};
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};

@@ -5,7 +5,7 @@
 use crate::error::CliError;
 use crate::files;
 use crate::output::{make_folder, progress, to_json, write_whole};
-use carom_study::stress::{self, METHODS, Row, Verdict};
+use carom_evidence::stress::{self, METHODS, Row, Verdict};
 use clap::Args;
 use serde::Serialize;
 use std::io::Write;

@@ -6,9 +6,8 @@
 use crate::RecordError;
 use crate::target::{begin, keep};
 use carom_chain::{Chain, ChainError, Spatial, Workspace};
-use carom_sim::Moment;
+use carom_sim::{ChainImpact, Moment};
 use carom_study::MapPoint;
-use carom_study::paper::{NORMAL, Run, TANGENT};
 use nalgebra::{Vector2, Vector3};
 use rerun::RecordingStream;
 use rerun::blueprint as view;
@@ -18,8 +17,12 @@ use std::path::Path;
 /// Data of one elbow pose.
 #[derive(Debug, Clone)]
 pub struct Side {
+    /// Name of the elbow pose: `up` or `down`.
+    pub elbow: &'static str,
+    /// Joint angles at the impact, rad.
+    pub q: [f64; 2],
     /// The impact.
-    pub run: Run,
+    pub hit: ChainImpact,
     /// Free motion before the impact; the last time is 0 s.
     pub before: Vec<Moment>,
     /// Free motion after the impact; the first time is 0 s.
@@ -150,10 +153,10 @@ impl Pen<'_> {
     }
 
     fn side(&mut self, side: &Side) -> Result<(), Trouble> {
-        let elbow = side.run.elbow.name();
+        let elbow = side.elbow;
         let at = |what: &str| format!("{elbow}/{what}");
         let rec = self.rec;
-        let [_, _, tip] = self.joints(&side.run.elbow.pose())?;
+        let [_, _, tip] = self.joints(&side.q)?;
         rec.log_static(at("map"), &map_points(side))?;
         rec.log_static(at("wall"), &wall(tip))?;
 
@@ -169,7 +172,7 @@ impl Pen<'_> {
             rec.log_static(at(&format!("ghost/{name}")), &ghost.with_draw_order(20.0))?;
         }
 
-        let hit = &side.run.hit;
+        let hit = &side.hit;
         let impulse = arrow(tip, hit.impulse.xy() * IMPULSE_SCALE, IMPULSE);
         let label = format!("{:.3} N s", hit.impulse.norm());
         rec.log_static(at("impulse"), &impulse.with_labels([label]).with_draw_order(40.0))?;
@@ -199,8 +202,8 @@ impl Pen<'_> {
         self.rec.log(format!("{elbow}/links"), &links)?;
         self.rec.log(format!("{elbow}/joints"), &joints.with_draw_order(31.0))?;
         for (name, value) in [
-            ("tangential", Vector3::from(TANGENT).dot(&u)),
-            ("normal", Vector3::from(NORMAL).dot(&u)),
+            ("tangential", -u.y),
+            ("normal", -u.x),
             ("energy", energy),
         ] {
             self.rec.log(format!("series/{name}/{elbow}"), &rerun::Scalars::single(value))?;

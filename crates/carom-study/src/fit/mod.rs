@@ -40,8 +40,10 @@ pub use velocities::fit_velocities;
 
 use carom_impact::LAW_NAMES;
 
-pub(crate) use loss::median;
-pub(crate) use search::Region;
+#[doc(hidden)] // for carom-evidence
+pub use loss::median;
+#[doc(hidden)] // for carom-evidence
+pub use search::Region;
 
 /// Options of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -101,7 +101,8 @@ impl Launch {
 
     /// The start for other inertias, places and friction of the joints: a fitted state is fitted again, to the same samples. A
     /// state of the table, and one whose fit does not converge, is kept.
-    pub(crate) fn refitted(&self, chain: &Chain, toss: &Toss) -> Self {
+    #[doc(hidden)] // for carom-evidence
+    pub fn refitted(&self, chain: &Chain, toss: &Toss) -> Self {
         let Some(old) = &self.fitted else { return self.clone() };
         let flight = self.flight(toss);
         let count = flight.times.len();

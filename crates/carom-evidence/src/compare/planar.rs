@@ -1,8 +1,8 @@
 //! A measured impact of a planar body, and what a model predicts for it.
 
 use super::candidates::{Candidate, Effect, Parameter};
-use crate::fit::{FitError, MeasuredImpact};
 use carom_impact::{ImpactProblem, law_by_name};
+use carom_study::fit::{FitError, MeasuredImpact};
 use nalgebra::{Matrix2x3, Matrix3, Vector2, Vector3};
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, FRAC_PI_4};
 

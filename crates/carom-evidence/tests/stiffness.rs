@@ -1,7 +1,7 @@
 //! The rigid limit of compliant contacts, as `carom chart --stiffness` draws it.
 
+use carom_evidence::chart::StiffnessChart;
 use carom_sim::{Scene, Yielding};
-use carom_study::chart::StiffnessChart;
 use std::time::Duration;
 
 const BUDGET: Duration = Duration::from_secs(100);

@@ -1,8 +1,8 @@
 //! Reasons why the paper cannot be reproduced.
 
-use crate::table::TableError;
 use carom_chain::ChainError;
 use carom_sim::SimError;
+use carom_study::TableError;
 use std::io;
 use std::path::PathBuf;
 

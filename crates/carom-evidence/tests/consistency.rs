@@ -1,12 +1,12 @@
 //! Consistency of energies: tables computed from a known H, tables with a wrong entry, and Table I, each compared with a second
 //! method.
 
-use carom_impact::{Frictionless, ImpactProblem, Law};
-use carom_study::consistency::{
+use carom_evidence::consistency::{
     Change, Column, Entry, Findings, MeasuredRow, Range, Rounded, Seen, consistency, measured_from, read_measured,
     v_plot,
 };
-use carom_study::paper::{Elbow, Tangential};
+use carom_evidence::paper::{Elbow, Tangential};
+use carom_impact::{Frictionless, ImpactProblem, Law};
 use nalgebra::{Matrix2, Vector2};
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! The models that are compared: a law, the effects beyond constant coefficients, and the parameters that are fitted.
 
-use crate::fit::Region;
 use carom_impact::{Coefficients, LAW_NAMES};
 use carom_sim::SeveralLaw;
+use carom_study::fit::Region;
 
 /// A law with effects, whose parameters are fitted.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,7 +4,7 @@ use super::candidates::Candidate;
 use super::identify::Weakest;
 use super::selection::Selected;
 use super::statistics::{Estimate, Spread};
-use crate::tosses::Horizon;
+use carom_study::tosses::Horizon;
 use serde::Serialize;
 
 /// Options of a comparison.

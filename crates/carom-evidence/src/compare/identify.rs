@@ -11,7 +11,7 @@
 
 use super::candidates::{Candidate, title};
 use super::search::Residuals;
-use crate::fit::{Region, median};
+use carom_study::fit::{Region, median};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 

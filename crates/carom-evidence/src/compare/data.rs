@@ -12,9 +12,9 @@
 use super::candidates::Effect;
 use super::landings::{self, Landings};
 use super::planar::{GRAVITY, PlanarImpact, Sequel, lowest_corner};
-use crate::fit::FitError;
-use crate::tosses::{TossError, Tosses, urdf_of};
 use carom_chain::urdf::{self, LoadOptions, Robot};
+use carom_study::fit::FitError;
+use carom_study::tosses::{TossError, Tosses, urdf_of};
 use nalgebra::Vector3;
 use std::collections::HashMap;
 use std::f64::consts::FRAC_PI_2;
@@ -338,7 +338,7 @@ mod tests {
         let corner = lowest_corner(SIDE, 0.6);
         let touching = Vector3::new(0.1, FLOOR - corner.y, 0.6);
         let rows = [Vector3::new(1.0, 0.0, -corner.y), Vector3::new(0.0, 1.0, corner.x)];
-        let truth = crate::fit::MeasuredImpact::of_planar_body(SQUARE_BODY, rows, velocity, after).unwrap();
+        let truth = carom_study::fit::MeasuredImpact::of_planar_body(SQUARE_BODY, rows, velocity, after).unwrap();
         for t in [-0.006, 0.0, 0.004] {
             let pose = touching + velocity * t - Vector3::new(0.0, 0.5 * GRAVITY * t * t, 0.0);
             let fallen = Vector3::new(0.0, -GRAVITY * t, 0.0);

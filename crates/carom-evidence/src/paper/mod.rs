@@ -50,7 +50,7 @@ impl Elbow {
     pub const BOTH: [Self; 2] = [Self::Up, Self::Down];
 
     /// +1 if the elbow is above the line from base to tip, −1 if it is below.
-    pub(crate) fn side(self) -> f64 {
+    pub fn side(self) -> f64 {
         if self == Self::Up { 1.0 } else { -1.0 }
     }
 

@@ -1,8 +1,8 @@
 //! Data of the paper's figures: simulated motion and forces against closed forms, verdicts against their numbers.
 
+use carom_evidence::paper::{Elbow, NORMAL, Paper, TANGENT, stand_in, strike};
 use carom_impact::Energetic;
 use carom_sim::Impacts;
-use carom_study::paper::{Elbow, NORMAL, Paper, TANGENT, stand_in, strike};
 use nalgebra::Vector3;
 
 fn paper() -> Paper {

@@ -15,7 +15,7 @@
 //! (R. Hooke, T. A. Jeeves 1961; H. H. Rosenbrock 1960).
 
 use super::identify::JUMP;
-use crate::fit::{Region, median};
+use carom_study::fit::{Region, median};
 use nalgebra::{DMatrix, DVector};
 
 /// Step of the differences.

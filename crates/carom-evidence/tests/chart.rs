@@ -1,7 +1,7 @@
 //! Charts of scenes with free bodies, and of scenes whose contacts last.
 
+use carom_evidence::chart::{Chart, PeerOutcome, PeerRun};
 use carom_sim::Scene;
-use carom_study::chart::{Chart, PeerOutcome, PeerRun};
 use std::time::Duration;
 
 fn scene(name: &str) -> Scene {

@@ -1,6 +1,6 @@
 //! Folds, and statistics of errors on held-out measurements.
 
-use crate::fit::median;
+use carom_study::fit::median;
 use serde::Serialize;
 
 /// The numbers below `count` in a seeded random order.

@@ -1,6 +1,6 @@
 //! The table of scenes that are hard for methods: no cell is a defect, and the files in `docs` are those of a fresh run.
 
-use carom_study::stress::{METHODS, Row, SCENES, Scene, Verdict, defects, markdown, run, svg};
+use carom_evidence::stress::{METHODS, Row, SCENES, Scene, Verdict, defects, markdown, run, svg};
 use std::path::Path;
 use std::sync::LazyLock;
 

@@ -1,10 +1,18 @@
 //! Comparisons of all laws on synthetic data: the law that made the data wins, and a fold's coefficients do not know the fold.
 
-use super::*;
-use carom_study::Horizon;
-use carom_study::compare::{CompareOptions, Comparison, DataSet, Row, compare, data_sets, toss_cases};
+#[path = "../../carom-study/tests/fit/thrown.rs"]
+mod thrown;
+
+use carom_chain::urdf::LoadOptions;
+use carom_evidence::compare::{CompareOptions, Comparison, DataSet, Row, compare, data_sets, toss_cases};
+use carom_impact::{Coefficients, LAW_NAMES, Law, law_by_name};
+use carom_sim::Moment;
+use carom_study::{Horizon, Toss};
+use fastrand::Rng;
+use nalgebra::Vector3;
 use std::fmt::Write;
 use std::path::PathBuf;
+use thrown::{close, load, normal, rolled, rough, thrown};
 
 /// A folder of its own for each test, removed when the test ends.
 struct Folder(PathBuf);
@@ -148,9 +156,9 @@ fn toss_table(tosses: &[Toss], off: f64) -> String {
 /// the laws that agree for a ball agree; a fitted start is better than the given one.
 #[test]
 fn tosses_are_judged_from_both_starts_and_to_both_ends() {
-    let ball = trajectories::load("ball");
+    let ball = load("ball");
     let law = carom_impact::Energetic { restitution: 0.6, friction: 0.15 };
-    let tosses = trajectories::thrown(&ball, law, &mut Rng::with_seed(16), 8);
+    let tosses = thrown(&ball, law, &mut Rng::with_seed(16), 8);
     let folder = Folder::new("tosses", "tosses.csv", &toss_table(&tosses, 0.1));
     let urdf = format!("{}/../../robots/ball.urdf", env!("CARGO_MANIFEST_DIR"));
     std::fs::copy(urdf, folder.0.join("ball.urdf")).unwrap();
@@ -211,7 +219,7 @@ fn tosses_are_judged_from_both_starts_and_to_both_ends() {
             let law = carom_impact::Energetic { restitution: e, friction: mu };
             let last = case.times.len() - 1;
             let every = case.times[last] / last as f64;
-            let rolled = trajectories::rolled(&ball, law, &start.q, &start.qd, every, case.times[last] + 1e-9);
+            let rolled = rolled(&ball, law, &start.q, &start.qd, every, case.times[last] + 1e-9);
             let error = |(moment, pose): (&Moment, &Vec<f64>)| {
                 let turn = |q: &[f64]| {
                     nalgebra::UnitQuaternion::new_normalize(nalgebra::Quaternion::new(q[6], q[3], q[4], q[5]))

@@ -7,7 +7,7 @@
 //! [`Verdict::Defect`]. All random numbers have fixed seeds.
 //!
 //! ```
-//! use carom_study::stress::{SCENES, Verdict};
+//! use carom_evidence::stress::{SCENES, Verdict};
 //!
 //! let kane = SCENES.iter().find(|scene| scene.name == "energy paradox").unwrap().run();
 //! let cell = |method| kane.cells.iter().find(|cell| cell.method == method).unwrap();

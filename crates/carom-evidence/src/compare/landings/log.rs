@@ -9,8 +9,8 @@
 //! | `JOINT_SIDE`, `JOINT_SIDEdot` | angle and velocity of each of [`JOINTS`] on both [`SIDES`], rad and rad/s |
 //! | `MOTOR_SIDE_motor` | torque of each of [`MOTORS`], N m |
 
-use crate::tosses::finite;
 use carom_chain::urdf::{Joint, JointType, Robot};
+use carom_study::tosses::finite;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use std::path::Path;
 

@@ -1,11 +1,11 @@
 //! The scene of a model on tosses: the robot with the changed parameters above the floor, and the contact rule.
 
 use super::candidates::{Candidate, Effect, Parameter};
-use crate::tosses::Scene;
 use carom_chain::Chain;
 use carom_chain::urdf::{Collision, LoadOptions, Robot, Shape};
 use carom_impact::{AnyLaw, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law};
 use carom_sim::{ContactLaw, ContactRule};
+use carom_study::tosses::Scene;
 use nalgebra::{Matrix3, Translation3, Vector3};
 
 /// The effects that are tried on tosses of a robot, each in addition to those before it.

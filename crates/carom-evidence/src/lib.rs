@@ -1,0 +1,15 @@
+//! Programs that check carom and impact laws, behind the commands of the same names:
+//!
+//! - [`chart`]: work–precision diagrams of a scene; [`stress`]: the stress table of impact laws and methods;
+//! - [`compare`]: all impact laws on measured data, by cross-validation;
+//! - [`paper`] and [`consistency`]: the two-link experiment of Pagilla and Yu, and a consistency test of its measurements.
+//!
+//! P. R. Pagilla, B. Yu, *An Experimental Study of Planar Impact of a Robot Manipulator*, IEEE/ASME Transactions on
+//! Mechatronics 9 (2004), doi 10.1109/TMECH.2004.823888, is called "the paper" in this crate.
+
+pub mod chart;
+pub mod compare;
+pub mod consistency;
+mod line_chart;
+pub mod paper;
+pub mod stress;
