@@ -21,12 +21,9 @@ pub enum CliError {
     /// A table.
     #[error(transparent)]
     Table(#[from] carom_study::TableError),
-    /// Measurements; the message names their file.
+    /// A program of the evidence; the message names its file or folder.
     #[error(transparent)]
-    Measured(#[from] carom_evidence::consistency::MeasuredError),
-    /// The figures of the paper; the message names their folder.
-    #[error(transparent)]
-    Paper(#[from] carom_evidence::paper::PaperError),
+    Evidence(#[from] carom_evidence::EvidenceError),
     /// A file that cannot be written.
     #[error("{file}: cannot be written: {reason}")]
     Unwritable {

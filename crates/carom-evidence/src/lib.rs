@@ -7,9 +7,25 @@
 //! P. R. Pagilla, B. Yu, *An Experimental Study of Planar Impact of a Robot Manipulator*, IEEE/ASME Transactions on
 //! Mechatronics 9 (2004), doi 10.1109/TMECH.2004.823888, is called "the paper" in this crate.
 
+mod error;
+
+pub use error::EvidenceError;
+
 pub mod chart;
 pub mod compare;
 pub mod consistency;
 mod line_chart;
 pub mod paper;
 pub mod stress;
+
+/// Enums whose values are written as their `name()`.
+macro_rules! serialised_by_name {
+    ($($kind:ty),+) => {$(
+        impl serde::Serialize for $kind {
+            fn serialize<S: serde::Serializer>(&self, out: S) -> Result<S::Ok, S::Error> {
+                out.serialize_str(self.name())
+            }
+        }
+    )+};
+}
+use serialised_by_name;

@@ -3,8 +3,8 @@
 #[path = "../../carom-study/tests/fit/thrown.rs"]
 mod thrown;
 
+use crate::compare::{CompareOptions, Comparison, DataSet, Row, compare, data_sets, toss_cases};
 use carom_chain::urdf::LoadOptions;
-use carom_evidence::compare::{CompareOptions, Comparison, DataSet, Row, compare, data_sets, toss_cases};
 use carom_impact::{Coefficients, LAW_NAMES, Law, law_by_name};
 use carom_sim::Moment;
 use carom_study::{Horizon, Toss};

@@ -1,11 +1,11 @@
 //! Consistency of energies: tables computed from a known H, tables with a wrong entry, and Table I, each compared with a second
 //! method.
 
-use carom_evidence::consistency::{
-    Change, Column, Entry, Findings, MeasuredRow, Range, Rounded, Seen, consistency, measured_from, read_measured,
-    v_plot,
+use super::measured::{Entry, Rounded, Seen, cot};
+use super::{
+    Change, Column, Findings, MeasuredRow, Point, Pose, Range, consistency, measured_from, read_measured, v_plot,
 };
-use carom_evidence::paper::{Elbow, Tangential};
+use crate::paper::{Elbow, Tangential};
 use carom_impact::{Frictionless, ImpactProblem, Law};
 use nalgebra::{Matrix2, Vector2};
 use std::path::Path;
@@ -46,7 +46,7 @@ fn row_of(h: f64, d: f64, decimals: i32, dice: &mut Dice) -> (MeasuredRow, Vec<f
     let es: Vec<f64> = ANGLES.iter().map(|_| dice.between(0.1, 0.8)).collect();
     let entries = ANGLES.iter().zip(&es).map(|(&angle_deg, &e)| {
         let energy_root = rounded(impact(h, d, angle_deg, e).0, decimals);
-        Entry { angle_deg, newton: rounded(e, decimals), energy_root, seen: None }
+        Entry { angle_deg, cot: cot(angle_deg), newton: rounded(e, decimals), energy_root, seen: None }
     });
     (MeasuredRow { name: "made".into(), entries: entries.collect() }, es)
 }
@@ -123,7 +123,7 @@ fn rows_of_a_known_pose_are_consistent_and_recover_it_within_rounding() {
             let found = consistency(&row);
             assert!(in_some(&found, h, d), "case {case}: h {h}, D {d}, {found:?}");
             assert!(found.changes.is_empty() && found.fit.factor <= 1.0);
-            let (fit_h, fit_d) = found.fit.h_and_d.unwrap();
+            let Pose { h: fit_h, d: fit_d } = found.fit.at.unwrap();
             assert!(in_some(&found, fit_h, fit_d), "the best fit is admissible");
             let spread = found.branches.iter().map(|b| b.h.most - b.h.least).fold(0.0, f64::max);
             widths.push(spread);
@@ -144,8 +144,9 @@ fn implied_tangential_velocities_contain_the_true_one() {
         let (h, d) = (dice.between(-2.0, 2.0), dice.between(0.1, 4.0));
         let (row, es) = row_of(h, d, 3, &mut dice);
         let found = consistency(&row);
-        assert_eq!(found.implied.len(), ANGLES.len());
-        for ((entry, e), implied) in row.entries.iter().zip(es).zip(&found.implied) {
+        assert_eq!(found.points.len(), ANGLES.len());
+        for ((entry, e), point) in row.entries.iter().zip(es).zip(&found.points) {
+            let implied = point.implied.as_ref().unwrap();
             let (_, after) = impact(h, d, entry.angle_deg, e);
             let slack = 1e-12;
             let wide = Range { least: implied.velocity.least - slack, most: implied.velocity.most + slack };
@@ -173,7 +174,7 @@ fn a_wrong_entry_is_identified_with_its_true_value() {
         spoilt += 1;
         row.entries[k].energy_root = rounded(wrong, 4);
         let found = consistency(&row);
-        assert!(!found.consistent() && found.fit.factor > 1.0, "{found:?}");
+        assert!(!found.consistent && found.fit.factor > 1.0, "{found:?}");
         // with five correct angles no other angle can be the wrong one
         assert!(found.changes.iter().all(|change| change.entry == k), "{:?}", found.changes);
         let root = |change: &&Change| change.column == Column::EnergyRoot;
@@ -189,7 +190,7 @@ fn a_wrong_entry_is_identified_with_its_true_value() {
                     let number =
                         if change.column == Column::Newton { &mut there.newton } else { &mut there.energy_root };
                     *number = Rounded { value, half_unit: 1e-9 };
-                    consistency(&row).consistent()
+                    consistency(&row).consistent
                 };
                 let middle = (range.least + range.most) / 2.0;
                 assert!(with(middle), "{change:?}");
@@ -215,12 +216,12 @@ fn polygons_agree_with_a_scan_over_h_and_with_fourier_motzkin_elimination() {
         let moved = (old + dice.between(-0.06, 0.06)).clamp(row.entries[k].newton.value + 0.02, 0.98);
         row.entries[k].energy_root = rounded(moved, 2);
         let found = consistency(&row);
-        counts[usize::from(found.consistent())] += 1;
+        counts[usize::from(found.consistent)] += 1;
         let entries: Vec<&Entry> = row.entries.iter().collect();
         for factor in [0.5, 0.9, 1.1, 2.0, 8.0].map(|x| x * found.fit.factor) {
             assert_eq!(some_v(&entries, factor), factor > found.fit.factor, "{factor} {:?}", found.fit);
         }
-        assert_eq!(some_v(&entries, 1.0), found.consistent());
+        assert_eq!(some_v(&entries, 1.0), found.consistent);
         // h = tan θ over all directions
         let step = std::f64::consts::PI / 20000.0;
         for k in 1..20000 {
@@ -246,7 +247,7 @@ fn table_1_is_barely_consistent_for_the_up_elbow_and_inconsistent_for_the_down_e
     {
         // feasibility tolerance of the solver: 1e-7
         close(found.fit.factor, factor, 1e-5 * factor);
-        let (fit_h, fit_d) = found.fit.h_and_d.unwrap();
+        let Pose { h: fit_h, d: fit_d } = found.fit.at.unwrap();
         close(fit_h, h, 1e-4 * h);
         close(fit_d, d, 1e-4 * d);
         let entries: Vec<&Entry> = row.entries.iter().collect();
@@ -254,15 +255,16 @@ fn table_1_is_barely_consistent_for_the_up_elbow_and_inconsistent_for_the_down_e
         assert!(some_v(&entries, exact * (1.0 + 1e-8)) && !some_v(&entries, exact * (1.0 - 1e-8)));
     }
     // up-elbow: h > cot 30°, so the tangential velocity would reverse at all angles
-    assert!(found_up.consistent());
+    assert!(found_up.consistent);
     assert_eq!(found_up.branches.iter().map(|b| b.below).collect::<Vec<_>>(), [4]);
-    assert!(found_up.implied[..3].iter().all(|i| i.changes == [Tangential::Reverses]), "{:?}", found_up.implied);
+    let reverses = |point: &Point| point.implied.as_ref().unwrap().changes == [Tangential::Reverses];
+    assert!(found_up.points[..3].iter().all(reverses), "{:?}", found_up.points);
     // the observed directions require h < 0 instead
     let seen = found_up.directions.unwrap();
-    assert!(!seen.agree() && seen.factor.unwrap() > 10.0);
+    assert!(!seen.agree && seen.factor.unwrap() > 10.0);
     assert_eq!(seen.h.unwrap().most, 0.0);
     // down-elbow: inconsistent without any single angle, so no change of a single entry makes it consistent
-    assert!(!found_down.consistent() && found_down.changes.is_empty());
+    assert!(!found_down.consistent && found_down.changes.is_empty());
     for k in 0..4 {
         let others: Vec<&Entry> = down.entries.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, e)| e).collect();
         assert!(!some_v(&others, 1.0), "without {k}");
@@ -299,12 +301,12 @@ fn directions_of_the_pose_agree_with_its_energies_and_others_do_not() {
             };
         }
         let seen = consistency(&row).directions.unwrap();
-        assert!(seen.agree() && seen.h.unwrap().holds(h), "{seen:?} h {h}");
+        assert!(seen.agree && seen.h.unwrap().holds(h), "{seen:?} h {h}");
         // growth at 25° needs h < 0, at 120° h > 0
         row.entries[0].seen = Some(Seen::Grows);
         row.entries[5].seen = Some(Seen::Grows);
         let contradictory = consistency(&row).directions.unwrap();
-        assert!(!contradictory.agree(), "{contradictory:?}");
+        assert!(!contradictory.agree, "{contradictory:?}");
     }
 }
 
@@ -317,8 +319,8 @@ fn an_energy_root_below_newtons_coefficient_is_inconsistent() {
     let rows = three("a,30,0.40,0.60\na,45,0.40,0.38\na,60,0.40,0.60\n");
     let found = consistency(&rows[0]);
     assert_eq!(found.points[1].range, None);
-    assert!(!found.consistent() && found.changes.iter().all(|change| change.entry == 1));
-    assert!(found.verdict(&rows[0])[0].contains("at 45° energy_root 0.38 is below newton 0.4"), "{found:?}");
+    assert!(!found.consistent && found.changes.iter().all(|change| change.entry == 1));
+    assert!(found.verdict[0].contains("at 45° energy_root 0.38 is below newton 0.4"), "{found:?}");
     // E = e within rounding
     let rows = three("a,30,0.40,0.60\na,45,0.40,0.39\na,60,0.40,0.60\n");
     assert_eq!(consistency(&rows[0]).points[1].range.unwrap().least, 0.0);
@@ -329,8 +331,8 @@ fn one_or_two_angles_are_always_consistent() {
     for lines in ["a,45,0.4,0.7\n", "a,45,0.4,0.7\na,90,0.4,0.9\n", "a,45,1,1\n", "a,45,0.4,1.000\n", "a,90,0,0\n"] {
         let row = &three(lines)[0];
         let found = consistency(row);
-        assert!(found.consistent(), "{lines} {found:?}");
-        assert!(found.verdict(row).iter().any(|said| said.contains("needs at least three different angles")));
+        assert!(found.consistent, "{lines} {found:?}");
+        assert!(found.verdict.iter().any(|said| said.contains("needs at least three different angles")));
     }
     let one = consistency(&three("a,45,0.40,0.70\n")[0]);
     assert!(
@@ -446,16 +448,16 @@ fn extreme_rows_have_finite_results() {
     ] {
         let rows = three(lines);
         let found = consistency(&rows[0]);
-        assert!(found.fit.factor.is_finite() && !found.verdict(&rows[0]).is_empty());
+        assert!(found.fit.factor.is_finite() && !found.verdict.is_empty());
         for range in
             found.branches.iter().flat_map(|b| [b.h, b.d]).chain(found.changes.iter().flat_map(|c| c.to.clone()))
         {
             assert!(range.least <= range.most, "{lines} {found:?}");
         }
-        let far = rows[0].entries.iter().any(|entry| entry.cot().abs() > 1e4);
-        match v_plot(&[(rows[0].clone(), found)]) {
+        let far = rows[0].entries.iter().any(|entry| entry.cot.abs() > 1e4);
+        match v_plot(&[found]) {
             Ok(svg) => assert!(!far && svg.starts_with("<svg") && !svg.contains("NaN"), "{svg}"),
-            Err(refused) => assert!(far && refused.starts_with("row 'a': cot α = "), "{refused}"),
+            Err(refused) => assert!(far && refused.to_string().starts_with("row 'a': cot α = "), "{refused}"),
         }
         plots[usize::from(far)] += 1;
     }

@@ -1,6 +1,6 @@
 //! Data of the paper's figures: simulated motion and forces against closed forms, verdicts against their numbers.
 
-use carom_evidence::paper::{Elbow, NORMAL, Paper, TANGENT, stand_in, strike};
+use crate::paper::{Elbow, NORMAL, Paper, TANGENT, stand_in, strike};
 use carom_impact::Energetic;
 use carom_sim::Impacts;
 use nalgebra::Vector3;

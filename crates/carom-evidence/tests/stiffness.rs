@@ -1,6 +1,6 @@
 //! The rigid limit of compliant contacts, as `carom chart --stiffness` draws it.
 
-use carom_evidence::chart::StiffnessChart;
+use crate::chart::StiffnessChart;
 use carom_sim::{Scene, Yielding};
 use std::time::Duration;
 
@@ -25,7 +25,7 @@ fn the_error_of_compliant_feet_falls_with_the_order_of_the_duration_of_their_con
     for (scene, theory) in [(linear, 0.5), (hertz, 0.4)] {
         let chart = StiffnessChart::of(&scene, BUDGET, &mut || {}).unwrap().unwrap();
         assert_eq!(chart.theory, theory);
-        for order in [chart.order(|run| run.after_impact), chart.order(|run| run.at_end)] {
+        for order in [chart.order_after_impact, chart.order_at_end] {
             let order = order.unwrap();
             assert!((order - theory).abs() < 0.02, "order {order} instead of {theory}: {:?}", chart.runs);
         }

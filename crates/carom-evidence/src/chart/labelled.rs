@@ -1,10 +1,12 @@
 //! The chart of a few chosen methods as SVG, each line with its name beside it.
 
-use super::Run;
 use super::picture::{FLOOR, power};
+use super::{Run, from_csv};
+use crate::EvidenceError;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use std::path::Path;
 
 /// Size of a panel, and height of the title.
 const PANEL: (u32, u32) = (600, 440);
@@ -28,22 +30,45 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
 ];
 
-/// Largest number of methods in [`labelled_svg`]: one for each colour.
-pub const MOST_LABELLED: usize = COLOURS.len();
-
 type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
 type Line = (String, RGBColor, Vec<(f64, f64)>);
 type Error = fn(&Run) -> Option<f64>;
 
-/// Draws the methods of `shown` (name of the method, name in the picture) as SVG: error of q̇ after the first impact and error at the end,
-/// each over the time of the whole run. A panel for which at most one of the methods has data is left out. At most [`MOST_LABELLED`]
-/// methods are drawn.
-pub fn labelled_svg(runs: &[Run], shown: &[(String, String)], title: &str) -> String {
+/// Draws methods of a table that `Chart::csv` has written as SVG: error of q̇ after the first impact and error at the end, each over
+/// the time of the whole run. `shown` has a method each, or METHOD=NAME with its name in the picture. A panel for which at most one of
+/// the methods has data is left out.
+///
+/// # Errors
+/// [`EvidenceError`]: the table cannot be read, has no such method, or more methods are shown than there are colours.
+pub fn redraw(table: &Path, shown: &[String], title: &str) -> Result<String, EvidenceError> {
+    let name = table.display();
+    let text = std::fs::read_to_string(table);
+    let text = text.map_err(|reason| EvidenceError::of_file(table, format!("cannot be read: {reason}")))?;
+    let runs = from_csv(&text).map_err(|reason| EvidenceError::new(format!("--from {name}: {reason}")))?;
+    if shown.len() > COLOURS.len() {
+        let most = COLOURS.len();
+        return Err(EvidenceError::new(format!("--show: {} methods: give at most {most}", shown.len())));
+    }
+    let mut named = Vec::new();
+    for one in shown {
+        let (method, label) = one.split_once('=').unwrap_or((one, one));
+        if !runs.iter().any(|run| run.method == method) {
+            let mut known: Vec<&str> = runs.iter().map(|run| run.method.as_str()).collect();
+            known.dedup();
+            let known = known.join("; ");
+            return Err(EvidenceError::new(format!("--show {method}: {name} has no such method, but: {known}")));
+        }
+        named.push((method, label));
+    }
+    Ok(svg(&runs, &named, title))
+}
+
+fn svg(runs: &[Run], shown: &[(&str, &str)], title: &str) -> String {
     let lines = |error: Error| -> Vec<Line> {
         let all = shown.iter().zip(COLOURS).map(|((method, name), colour)| {
             let own = runs.iter().filter(|run| run.method == *method);
             let points = own.filter_map(|run| Some((run.wall_time * 1e3, error(run)?.max(FLOOR)))).collect();
-            (name.clone(), colour, points)
+            ((*name).to_owned(), colour, points)
         });
         all.filter(|(_, _, points): &Line| !points.is_empty()).collect()
     };

@@ -10,9 +10,8 @@ mod labelled;
 mod picture;
 mod stiffness;
 
-pub use labelled::{MOST_LABELLED, labelled_svg};
-pub use picture::{stiffness_svg, svg};
-pub use stiffness::{Stiffened, StiffnessChart};
+pub use labelled::redraw;
+pub use stiffness::StiffnessChart;
 
 use carom_chain::Coordinates;
 use carom_impact::Damping;
@@ -20,11 +19,13 @@ use carom_sim::{
     Compliance, Event, EventKind, Integrator, Moment, Sampling, Scene, Seen, SimError, Simulation, Touch, Trajectory,
     Yielding,
 };
+use serde::{Deserialize, Serialize};
+use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 /// One run of one method.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Run {
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Run {
     /// Name of the method.
     pub method: String,
     /// Impact law that the method follows, as text.
@@ -36,14 +37,16 @@ pub struct Run {
     /// Median wall time of the whole run, s.
     pub wall_time: f64,
     /// Error of q̇ right after the first impact, relative to its largest entry; `None` without an impact.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub after_impact: Option<f64>,
     /// Greater of the errors of q and of q̇ at the end, that of q relative to its largest entry, that of q̇ to its largest entry at an
     /// event or at the end; `None` if it is not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub at_end: Option<f64>,
 }
 
 /// Formats the value of a parameter: whole numbers below 1000 in full, others with two significant digits and an exponent.
-pub fn knob_value(value: f64) -> String {
+fn knob_value(value: f64) -> String {
     if value.fract() == 0.0 && value.abs() < 1000.0 {
         return value.to_string();
     }
@@ -52,53 +55,79 @@ pub fn knob_value(value: f64) -> String {
 }
 
 /// A method that could not run the scene.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Absent {
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Absent {
     /// Name of the method.
     pub method: String,
     /// Why it could not run.
     pub reason: String,
 }
 
-/// One run of another program (a peer).
-#[derive(Debug, Clone, PartialEq)]
+/// One run of another program (a peer), as it writes it. Keys that a chart does not need are ignored.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct PeerRun {
-    /// Name of the program and its method.
-    pub method: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// Names of the program and of its method.
+    pub(crate) peer: String,
+    pub(crate) method: String,
+    #[serde(default)]
+    pub(crate) version: String,
     /// Name of the method's parameter, with its unit.
-    pub knob: String,
+    pub(crate) knob: String,
     /// Value of the parameter.
-    pub value: f64,
-    /// Time and states of the run, or its error message.
-    pub outcome: Result<PeerOutcome, String>,
+    pub(crate) value: f64,
+    /// Wall time of the whole run, s.
+    pub(crate) wall_time_s: Option<f64>,
+    pub(crate) result: Option<PeerResult>,
+    /// The error message of a run without a result.
+    pub(crate) failure: Option<String>,
 }
 
-/// Time and states of a run of another program, in the conventions of carom.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PeerOutcome {
-    /// Wall time of the whole run, s.
-    pub wall_time: f64,
-    /// q̇ right after the first impact, rad/s or m/s.
-    pub qd_after_impact: Option<Vec<f64>>,
-    /// q and q̇ at the end, rad or m and rad/s or m/s.
-    pub at_end: (Vec<f64>, Vec<f64>),
+impl PeerRun {
+    /// # Errors
+    /// In words: the time of a run with a result is not positive.
+    pub fn check(&self) -> Result<(), String> {
+        match self.wall_time_s.filter(|time| self.result.is_some() && !(*time > 0.0)) {
+            Some(time) => Err(format!("wall_time_s is {time}: it must be positive")),
+            None => Ok(()),
+        }
+    }
+}
+
+/// States of a run of another program, in the conventions of carom.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub(crate) struct PeerResult {
+    pub r#final: PeerState,
+    /// Right after the first impact.
+    pub after_impact: Option<PeerState>,
+}
+
+/// q, rad or m, and q̇, rad/s or m/s.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub(crate) struct PeerState {
+    pub q: Vec<f64>,
+    pub qd: Vec<f64>,
 }
 
 /// Work–precision data of a scene.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Chart {
-    /// All runs, grouped by method, in the order of the method's parameter.
-    pub runs: Vec<Run>,
-    /// Methods that could not run the scene.
-    pub absent: Vec<Absent>,
     /// Impact law of the scene and of the reference solution, as text.
-    pub law: String,
+    law: String,
+    /// All runs, grouped by method, in the order of the method's parameter.
+    pub(crate) runs: Vec<Run>,
+    /// Methods that could not run the scene.
+    pub(crate) absent: Vec<Absent>,
     /// Estimated error of the reference solution after the first impact; `None` without an impact.
-    pub doubt_after_impact: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    doubt_after_impact: Option<f64>,
     /// Estimated error of the reference solution at the end.
-    pub doubt_at_end: f64,
+    pub(crate) doubt_at_end: f64,
     /// Methods of other programs.
+    #[serde(skip)]
     peers: Vec<String>,
+    #[serde(skip)]
     reference: Reference,
 }
 
@@ -180,7 +209,7 @@ impl Chart {
     /// `budget`. `done` is called with the name of the method after each of its runs.
     ///
     /// # Errors
-    /// [`SimError`] of the reference solution. Errors of other runs are stored in [`Chart::absent`].
+    /// [`SimError`] of the reference solution. Errors of other runs are told as the reasons of methods that are absent.
     pub fn of(scene: &Scene, budget: Duration, done: &mut dyn FnMut(&str)) -> Result<Self, SimError> {
         // no maximum step: the tolerance alone determines the steps
         let base = &Simulation { max_step: scene.duration, ..scene.simulation.clone() };
@@ -249,31 +278,67 @@ impl Chart {
         Ok(chart)
     }
 
-    /// Adds runs of other programs. All of them must be of this scene.
-    pub fn add_peers(&mut self, peers: &[PeerRun]) {
-        for PeerRun { method, knob, value, outcome } in peers {
-            let absent = |reason: String| Absent { method: method.clone(), reason };
-            match outcome {
-                Err(reason) => self.absent.push(absent(format!("{knob} = {value}: {reason}"))),
-                Ok(PeerOutcome { wall_time, qd_after_impact, at_end: (q, qd) }) => {
-                    let at_end = self.reference.at_end(q, qd);
-                    let after_impact = qd_after_impact.as_ref().and_then(|qd| self.reference.after_impact(qd));
-                    if at_end.is_none() && after_impact.is_none() {
-                        self.absent
-                            .push(absent("its states are not finite, or do not have the size of this scene's".into()));
-                        continue;
-                    }
-                    let (method, knob, value) = (method.clone(), knob.clone(), *value);
-                    self.peers.push(method.clone());
-                    let law = "its own".to_owned();
-                    self.runs.push(Run { method, law, knob, value, wall_time: *wall_time, after_impact, at_end });
-                }
-            }
+    /// Adds a run of another program, which must be of this scene.
+    pub fn add_peer(&mut self, run: PeerRun) {
+        let PeerRun { peer, version, method, knob, value, wall_time_s, result, failure, .. } = run;
+        let method = format!("{peer} {version}, {method}");
+        let (Some(result), Some(wall_time)) = (result, wall_time_s) else {
+            let reason = failure.unwrap_or_else(|| "the run has no result".to_owned());
+            self.absent.push(Absent { method, reason: format!("{knob} = {value}: {reason}") });
+            return;
+        };
+        let at_end = self.reference.at_end(&result.r#final.q, &result.r#final.qd);
+        let after_impact = result.after_impact.and_then(|state| self.reference.after_impact(&state.qd));
+        if at_end.is_none() && after_impact.is_none() {
+            let reason = "its states are not finite, or do not have the size of this scene's".into();
+            self.absent.push(Absent { method, reason });
+        } else {
+            self.peers.push(method.clone());
+            self.runs.push(Run { method, law: "its own".to_owned(), knob, value, wall_time, after_impact, at_end });
         }
     }
 
+    /// Prints all runs as a table.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn print(&self, out: &mut dyn Write) -> io::Result<()> {
+        writeln!(
+            out,
+            "{:36} {:>20} {:>10} {:>12} {:>10}  law",
+            "method", "parameter", "time, ms", "after impact", "at the end"
+        )?;
+        for Run { method, law, knob, value, wall_time, after_impact, at_end } in &self.runs {
+            let knob = format!("{knob} {}", knob_value(*value));
+            let (after, end) = (number(*after_impact), number(*at_end));
+            writeln!(out, "{method:36} {knob:>20} {:>10.4} {after:>12} {end:>10}  {law}", wall_time * 1e3)?;
+        }
+        self.caption().iter().try_for_each(|line| writeln!(out, "{line}"))?;
+        for absent in &self.absent {
+            writeln!(out, "not run: {}: {}", absent.method, absent.reason)?;
+        }
+        let doubt = number(self.doubt_after_impact);
+        writeln!(out, "error of the reference solution: {doubt} after the impact, {:.1e} at the end", self.doubt_at_end)
+    }
+
+    /// All runs as CSV, one line each.
+    pub fn csv(&self) -> String {
+        let mut lines = csv::Writer::from_writer(Vec::new());
+        let number = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{x:e}"));
+        let rows = self.runs.iter().map(|run| {
+            let [value, time] = [run.value, run.wall_time].map(|x| format!("{x:e}"));
+            let [after, end] = [run.after_impact, run.at_end].map(number);
+            [run.method.clone(), run.knob.clone(), value, time, after, end, run.law.clone()]
+        });
+        for row in std::iter::once(HEAD.map(String::from)).chain(rows) {
+            // writing into a vector does not fail
+            let _ = lines.write_record(row);
+        }
+        lines.into_inner().map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).unwrap_or_default()
+    }
+
     /// Definition of the errors, two lines of text.
-    pub fn caption(&self) -> [String; 2] {
+    fn caption(&self) -> [String; 2] {
         let peers = if self.peers.is_empty() { "" } else { " Other programs use their own laws." };
         let first = format!("Errors are relative to the reference solution with the scene's law: {}.{peers}", self.law);
         let second = "Without friction all laws agree for a single contact; with friction, methods with another law do not \
@@ -341,46 +406,27 @@ fn law_of(sim: &Simulation) -> String {
     if laws.is_empty() { "no contact".to_owned() } else { laws.join("; ") }
 }
 
-/// All runs as CSV, one line each.
-pub fn csv(chart: &Chart) -> String {
-    let mut lines = csv::Writer::from_writer(Vec::new());
-    let number = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{x:e}"));
-    let head =
-        ["method", "knob", "value", "wall_time_s", "error_after_impact", "error_at_end", "law"].map(String::from);
-    let rows = chart.runs.iter().map(|run| {
-        let [value, time] = [run.value, run.wall_time].map(|x| format!("{x:e}"));
-        let [after, end] = [run.after_impact, run.at_end].map(number);
-        [run.method.clone(), run.knob.clone(), value, time, after, end, run.law.clone()]
-    });
-    for row in std::iter::once(head).chain(rows) {
-        // writing into a vector does not fail
-        let _ = lines.write_record(row);
-    }
-    lines.into_inner().map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).unwrap_or_default()
+fn number(x: Option<f64>) -> String {
+    x.map_or_else(|| "–".to_owned(), |x| format!("{x:.1e}"))
 }
 
-/// The runs of a table that [`csv()`] has written.
+/// The columns of a table of runs.
+const HEAD: [&str; 7] = ["method", "knob", "value", "wall_time_s", "error_after_impact", "error_at_end", "law"];
+
+/// The runs of a table that [`Chart::csv`] has written.
 ///
 /// # Errors
 ///
 /// In words, with the line: a missing column, a cell that is not a number, a time that is not positive.
-pub fn from_csv(text: &str) -> Result<Vec<Run>, String> {
+fn from_csv(text: &str) -> Result<Vec<Run>, String> {
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let head = reader.headers().map_err(|e| e.to_string())?.clone();
-    let place = |name: &str| {
-        head.iter()
-            .position(|it| it == name)
-            .ok_or_else(|| format!("the column {name} is missing: carom chart writes it"))
-    };
-    let [method, knob, value, time, after, end, law] = [
-        place("method")?,
-        place("knob")?,
-        place("value")?,
-        place("wall_time_s")?,
-        place("error_after_impact")?,
-        place("error_at_end")?,
-        place("law")?,
-    ];
+    let mut place = [0; HEAD.len()];
+    for (place, name) in place.iter_mut().zip(HEAD) {
+        let found = head.iter().position(|it| it == name);
+        *place = found.ok_or_else(|| format!("the column {name} is missing: carom chart writes it"))?;
+    }
+    let [method, knob, value, time, after, end, law] = place;
     let mut runs = Vec::new();
     for (k, row) in reader.records().enumerate() {
         let row = row.map_err(|e| e.to_string())?;
@@ -464,3 +510,7 @@ impl After<'_> {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/chart.rs"]
+mod tests;

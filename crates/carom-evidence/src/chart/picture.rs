@@ -1,6 +1,7 @@
 //! The chart as SVG: two panels of error over time, both axes logarithmic.
 
-use super::{Chart, Run, Stiffened, StiffnessChart, knob_value};
+use super::stiffness::Stiffened;
+use super::{Chart, Run, StiffnessChart, knob_value};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -14,23 +15,25 @@ pub(super) const FLOOR: f64 = 1e-16;
 /// Colour of the dashed line at the error of the reference solution.
 const DOUBT: RGBColor = RGBColor(110, 110, 110);
 
-/// Draws the chart as SVG. `title` is the name of the scene.
-pub fn svg(chart: &Chart, title: &str) -> String {
-    let mut text = String::new();
-    let mut methods: Vec<&str> = Vec::new();
-    for run in &chart.runs {
-        if !methods.contains(&run.method.as_str()) {
-            methods.push(&run.method);
+impl Chart {
+    /// Draws the chart as SVG. `title` is the name of the scene.
+    pub fn svg(&self, title: &str) -> String {
+        let mut text = String::new();
+        let mut methods: Vec<&str> = Vec::new();
+        for run in &self.runs {
+            if !methods.contains(&run.method.as_str()) {
+                methods.push(&run.method);
+            }
         }
+        let rows = (methods.len() + 1).div_ceil(2) + 2 + self.absent.len();
+        let size = (2 * PANEL.0, PANEL.1 + 46 + (LINE * rows as i32) as u32);
+        let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
+        let drawn = draw(&root, self, title, &methods);
+        drop(root);
+        // drawing into a string does not fail
+        debug_assert!(drawn.is_ok(), "{drawn:?}");
+        text
     }
-    let rows = (methods.len() + 1).div_ceil(2) + 2 + chart.absent.len();
-    let size = (2 * PANEL.0, PANEL.1 + 46 + (LINE * rows as i32) as u32);
-    let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
-    let drawn = draw(&root, chart, title, &methods);
-    drop(root);
-    // drawing into a string does not fail
-    debug_assert!(drawn.is_ok(), "{drawn:?}");
-    text
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -194,26 +197,31 @@ fn panel<'a>(
     Ok(())
 }
 
-/// Draws the errors over the factor of the stiffness as SVG, with a line of the order in theory. `title` is the name of the scene.
-pub fn stiffness_svg(chart: &StiffnessChart, title: &str) -> String {
-    let mut text = String::new();
-    let root = SVGBackend::with_string(&mut text, (PANEL.0 + 300, PANEL.1)).into_drawing_area();
-    let drawn = draw_stiffness(&root, chart, title);
-    drop(root);
-    // drawing into a string does not fail
-    debug_assert!(drawn.is_ok(), "{drawn:?}");
-    text
+impl StiffnessChart {
+    /// Draws the errors over the factor of the stiffness as SVG, with a line of the order in theory. `title` is the name of the
+    /// scene.
+    pub fn svg(&self, title: &str) -> String {
+        let mut text = String::new();
+        let root = SVGBackend::with_string(&mut text, (PANEL.0 + 300, PANEL.1)).into_drawing_area();
+        let drawn = draw_stiffness(&root, self, title);
+        drop(root);
+        // drawing into a string does not fail
+        debug_assert!(drawn.is_ok(), "{drawn:?}");
+        text
+    }
 }
 
 fn draw_stiffness<'a>(root: &Area<'a>, chart: &StiffnessChart, title: &str) -> Drawn<'a> {
     root.fill(&WHITE)?;
     type Error = fn(&Stiffened) -> Option<f64>;
-    let errors: [(&str, Error); 2] =
-        [("q̇ at the end of the first contact", |run| run.after_impact), ("q and q̇ at the end", |run| run.at_end)];
+    let errors: [(&str, Error, Option<f64>); 2] = [
+        ("q̇ at the end of the first contact", |run| run.after_impact, chart.order_after_impact),
+        ("q and q̇ at the end", |run| run.at_end, chart.order_at_end),
+    ];
     let points = |error: Error| -> Vec<(f64, f64)> {
         chart.runs.iter().filter_map(|run| Some((run.factor, error(run)?.max(FLOOR)))).collect()
     };
-    let all: Vec<(f64, f64)> = errors.iter().flat_map(|(_, error)| points(*error)).collect();
+    let all: Vec<(f64, f64)> = errors.iter().flat_map(|(_, error, _)| points(*error)).collect();
     let font = |size: i32| ("sans-serif", size).into_font().color(&BLACK);
     let (Some(first), Some(last)) = (chart.runs.first(), chart.runs.last()) else { return Ok(()) };
     if all.is_empty() {
@@ -241,12 +249,12 @@ fn draw_stiffness<'a>(root: &Area<'a>, chart: &StiffnessChart, title: &str) -> D
     let line = |factor: f64| (factor, 0.3 * at_last * (last.factor / factor).powf(chart.theory));
     axes.draw_series(DashedLineSeries::new([line(first.factor), line(last.factor)], 6, 4, grey.stroke_width(2)))?;
     let mut names = vec![(format!("order in theory: {:.3}", chart.theory), grey)];
-    for (k, (name, error)) in errors.into_iter().enumerate() {
+    for (k, (name, error, order)) in errors.into_iter().enumerate() {
         let points = points(error);
         axes.draw_series(LineSeries::new(points.iter().copied(), colour(k).stroke_width(3)))?;
         let at = |p: &(f64, f64)| EmptyElement::at(*p) + Polygon::new(mark((0, 0), ROUND), colour(k).filled());
         axes.draw_series(points.iter().map(at))?;
-        let order = chart.order(error).map_or_else(String::new, |order| format!(": order {order:.3}"));
+        let order = order.map_or_else(String::new, |order| format!(": order {order:.3}"));
         names.push((format!("{name}{order}"), colour(k)));
     }
     let text = font(13).pos(Pos::new(HPos::Left, VPos::Center));

@@ -5,28 +5,37 @@
 //! the contact stays similar to itself: bristles by the same factor, their damping by its root, the slip speed by its
 //! inverse root.
 
-use super::{Reference, TIGHT, ends_impact};
+use super::{Reference, TIGHT, ends_impact, knob_value, number};
 use carom_sim::{Compliance, Holding, Scene, SimError, Simulation, Touch, Trajectory, Yielding};
+use serde::Serialize;
+use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 /// One run of the scene with stiffer contacts.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stiffened {
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(crate) struct Stiffened {
     /// Factor of all stiffnesses of the scene.
     pub factor: f64,
     /// Error of q̇ at the end of the first contact, relative to its largest entry after the rigid impact; `None` without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub after_impact: Option<f64>,
     /// Greater of the errors of q and of q̇ at the end, relative as in [`Run`](super::Run).
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub at_end: Option<f64>,
 }
 
 /// Errors of the compliant contacts of a scene against rigid ones, over a factor of their stiffness.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StiffnessChart {
     /// The runs, in ascending order of the factor.
-    pub runs: Vec<Stiffened>,
+    pub(crate) runs: Vec<Stiffened>,
+    /// The measured orders of both errors; `None` with fewer than two errors above zero.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) order_after_impact: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) order_at_end: Option<f64>,
     /// The theoretical order, 1/(n + 1); with several compliant contacts the smallest of their orders.
-    pub theory: f64,
+    pub(crate) theory: f64,
 }
 
 /// Runs per decade of the factor, and number of decades.
@@ -73,23 +82,24 @@ impl StiffnessChart {
                 break;
             }
         }
-        Ok(Some(Self { runs, theory }))
+        let (order_after_impact, order_at_end) =
+            (measured(&runs, |run| run.after_impact), measured(&runs, |run| run.at_end));
+        Ok(Some(Self { runs, order_after_impact, order_at_end, theory }))
     }
 
-    /// The measured order of an error: the slope of −ln(error) over ln(factor), by least squares over the two stiffest decades.
-    /// `None` with fewer than two errors above zero.
-    pub fn order(&self, error: impl Fn(&Stiffened) -> Option<f64>) -> Option<f64> {
-        let last = self.runs.last()?.factor;
-        let late = self.runs.iter().filter(|run| run.factor * 10_f64.powi(FITTED) > 0.999 * last);
-        let points: Vec<(f64, f64)> = late
-            .filter_map(|run| error(run).filter(|error| *error > 0.0).map(|error| (run.factor.ln(), error.ln())))
-            .collect();
-        let count = points.len() as f64;
-        let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
-        let (x, y) = (mean(|p| p.0), mean(|p| p.1));
-        let spread: f64 = points.iter().map(|p| (p.0 - x) * (p.0 - x)).sum();
-        let slope = points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>() / spread;
-        (points.len() > 1).then_some(-slope)
+    /// Prints all runs as a table, and the orders.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn print(&self, out: &mut dyn Write) -> io::Result<()> {
+        writeln!(out, "{:>10} {:>12} {:>10}", "factor", "after impact", "at the end")?;
+        for run in &self.runs {
+            let (after, end) = (number(run.after_impact), number(run.at_end));
+            writeln!(out, "{:>10} {after:>12} {end:>10}", knob_value(run.factor))?;
+        }
+        let order = |order: Option<f64>| order.map_or_else(|| "–".to_owned(), |order| format!("{order:.3}"));
+        let (after, end) = (order(self.order_after_impact), order(self.order_at_end));
+        writeln!(out, "order {after:>17} {end:>10}; in theory {:.3}", self.theory)
     }
 
     /// All runs as CSV, one line each.
@@ -98,6 +108,22 @@ impl StiffnessChart {
         let row = |run: &Stiffened| format!("{:e},{},{}\n", run.factor, number(run.after_impact), number(run.at_end));
         "factor,error_after_impact,error_at_end\n".to_owned() + &self.runs.iter().map(row).collect::<String>()
     }
+}
+
+/// The measured order of an error: the slope of −ln(error) over ln(factor), by least squares over the two stiffest decades.
+/// `None` with fewer than two errors above zero.
+fn measured(runs: &[Stiffened], error: impl Fn(&Stiffened) -> Option<f64>) -> Option<f64> {
+    let last = runs.last()?.factor;
+    let late = runs.iter().filter(|run| run.factor * 10_f64.powi(FITTED) > 0.999 * last);
+    let points: Vec<(f64, f64)> = late
+        .filter_map(|run| error(run).filter(|error| *error > 0.0).map(|error| (run.factor.ln(), error.ln())))
+        .collect();
+    let count = points.len() as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
+    let (x, y) = (mean(|p| p.0), mean(|p| p.1));
+    let spread: f64 = points.iter().map(|p| (p.0 - x) * (p.0 - x)).sum();
+    let slope = points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>() / spread;
+    (points.len() > 1).then_some(-slope)
 }
 
 /// The order of the error of a contact.
@@ -123,3 +149,7 @@ fn stiffened(own: Compliance, factor: f64) -> Compliance {
 fn after_first(run: &Trajectory) -> Option<&[f64]> {
     run.events.iter().find(|event| ends_impact(event)).map(|event| event.qd_plus.as_slice())
 }
+
+#[cfg(test)]
+#[path = "../../tests/stiffness.rs"]
+mod tests;

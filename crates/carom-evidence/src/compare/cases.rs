@@ -1,8 +1,9 @@
 //! Tosses as [`compare()`](super::compare()) uses them, for other simulators: start, fold, measured poses.
 
 use super::comparison::CompareOptions;
-use super::data::{CompareError, Data, DataSet};
+use super::data::{Data, DataSet};
 use super::tosses;
+use crate::EvidenceError;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -10,30 +11,30 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TossCases {
     /// Name of the data set.
-    pub set: String,
+    pub(crate) set: String,
     /// File of the robot, whose base floats.
-    pub urdf: PathBuf,
+    pub(crate) urdf: PathBuf,
     /// Gravity, m/s².
-    pub gravity: [f64; 3],
+    pub(crate) gravity: [f64; 3],
     /// Number of folds.
-    pub folds: usize,
+    pub(crate) folds: usize,
     /// Seed of the folds and of the tosses that are fitted.
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// Greatest number of sets of coefficients that a law tries.
-    pub trials: usize,
+    pub(crate) trials: usize,
     /// The part of the tosses whose error is fitted, `early` or `whole`.
-    pub horizon: &'static str,
+    pub(crate) horizon: &'static str,
     /// Length of the pose error, m.
-    pub length: f64,
+    pub(crate) length: f64,
     /// Upper bound of the coefficient of friction.
-    pub max_friction: f64,
+    pub(crate) max_friction: f64,
     /// The tosses that are compared, in the order of [`Row::errors`](super::Row::errors).
-    pub cases: Vec<TossCase>,
+    pub(crate) cases: Vec<TossCase>,
 }
 
 /// A toss that is compared.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TossCase {
+pub(crate) struct TossCase {
     /// Number in the table.
     pub number: i64,
     /// Fold that the toss is judged in.
@@ -54,7 +55,7 @@ pub struct TossCase {
 
 /// The state at the start of a roll-out.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TossStart {
+pub(crate) struct TossStart {
     /// Configuration, rad or m.
     pub q: Vec<f64>,
     /// Joint velocities, rad/s or m/s; those of the base are in its own axes, the linear ones first.
@@ -65,7 +66,7 @@ pub struct TossStart {
 ///
 /// # Errors
 /// As those of [`compare()`](super::compare()).
-pub fn toss_cases(set: &DataSet, options: &CompareOptions) -> Result<Option<TossCases>, CompareError> {
+pub fn toss_cases(set: &DataSet, options: &CompareOptions) -> Result<Option<TossCases>, EvidenceError> {
     options.check()?;
     match &set.data {
         Data::Impacts(_) | Data::Landings(_) => Ok(None),

@@ -55,37 +55,37 @@ impl Default for CompareOptions {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
     /// Name of the data set.
-    pub set: String,
+    pub(crate) set: String,
     /// What was compared.
-    pub what: String,
+    pub(crate) what: String,
     /// The measure of the error, with its unit.
-    pub measure: String,
+    pub(crate) measure: String,
     /// Numbers of the measurements in their table, of landings their lines, in the order of [`Row::errors`].
-    pub numbers: Vec<i64>,
+    pub(crate) numbers: Vec<i64>,
     /// Fold of each measurement.
-    pub folds: Vec<usize>,
+    pub(crate) folds: Vec<usize>,
     /// Number of measurements of the table that were left out.
-    pub left_out: usize,
+    pub(crate) left_out: usize,
     /// The laws, best mean first.
-    pub rows: Vec<Row>,
+    pub(crate) rows: Vec<Row>,
     /// Least error of any impulse at the contact point that does not pull: no law of one contact can be below it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub bound: Option<Spread>,
+    pub(crate) bound: Option<Spread>,
     /// Error of the best law against itself from a start that is perturbed by the noise of the measurement: no model can be
     /// expected below it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub floor: Option<Spread>,
+    pub(crate) floor: Option<Spread>,
     /// The models that the measurements outside each fold select.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub selected: Option<Selected>,
+    pub(crate) selected: Option<Selected>,
     /// The combination of the best model's parameters that the measurements determine least.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub weakest: Option<Weakest>,
+    pub(crate) weakest: Option<Weakest>,
 }
 
 /// A law on one part of a data set.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Row {
+pub(crate) struct Row {
     /// Name of the law.
     pub law: String,
     /// The law of impacts of several contacts, for tosses.
@@ -115,7 +115,7 @@ pub struct Row {
 
 /// A coefficient fitted for each fold.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct FittedCoefficient {
+pub(crate) struct FittedCoefficient {
     /// Name of the coefficient.
     pub name: &'static str,
     #[serde(skip)]

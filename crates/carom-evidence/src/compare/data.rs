@@ -12,6 +12,7 @@
 use super::candidates::Effect;
 use super::landings::{self, Landings};
 use super::planar::{GRAVITY, PlanarImpact, Sequel, lowest_corner};
+use crate::EvidenceError;
 use carom_chain::urdf::{self, LoadOptions, Robot};
 use carom_study::fit::FitError;
 use carom_study::tosses::{TossError, Tosses, urdf_of};
@@ -48,67 +49,18 @@ pub(super) struct Impacts {
     pub left_out: usize,
 }
 
-/// Reason why laws cannot be compared.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum CompareError {
-    /// Error in a folder or file.
-    #[error("{}: {reason}", file.display())]
-    File {
-        /// The file or folder.
-        file: PathBuf,
-        /// The rule that is broken.
-        reason: String,
-    },
-    /// Error of tosses.
-    #[error(transparent)]
-    Tosses(#[from] TossError),
-    /// Error of the impacts of a data set.
-    #[error("{set}: {reason}")]
-    Impacts {
-        /// Name of the data set.
-        set: String,
-        /// Error of the fit.
-        reason: FitError,
-    },
-    /// Too few measurements.
-    #[error("{set}: it has {found} measurements that can be compared, but {needed} are needed for {folds} folds")]
-    TooFew {
-        /// Name of the data set.
-        set: String,
-        /// Number of measurements.
-        found: usize,
-        /// The required number.
-        needed: usize,
-        /// Number of folds.
-        folds: usize,
-    },
-    /// An option is out of its range.
-    #[error("{what} is {value}: {rule}")]
-    Setting {
-        /// The option.
-        what: &'static str,
-        /// Its value.
-        value: f64,
-        /// The rule that the value breaks.
-        rule: &'static str,
-    },
-    /// A picture cannot be drawn.
-    #[error("the picture of {set} cannot be drawn: {reason}")]
-    Picture {
-        /// Name of the data set.
-        set: String,
-        /// Error of the drawing library.
-        reason: String,
-    },
+/// The error of a data set with too few measurements.
+pub(super) fn too_few(set: &str, found: usize, needed: usize, folds: usize) -> EvidenceError {
+    let rule = format!("but {needed} are needed for {folds} folds");
+    EvidenceError::new(format!("{set}: it has {found} measurements that can be compared, {rule}"))
 }
 
 /// The data sets of a folder and of its subfolders, or of one table, in the order of their names.
 ///
 /// # Errors
-/// [`CompareError::File`]: nothing is recognised, or a table is invalid.
-pub fn data_sets(path: &Path, options: &LoadOptions) -> Result<Vec<DataSet>, CompareError> {
-    let refuse = |reason: String| CompareError::File { file: path.to_owned(), reason };
+/// [`EvidenceError`]: nothing is recognised, or a table is invalid.
+pub fn data_sets(path: &Path, options: &LoadOptions) -> Result<Vec<DataSet>, EvidenceError> {
+    let refuse = |reason: String| EvidenceError::of_file(path, reason);
     let mut found = if path.is_file() { table(path, options)?.into_iter().collect() } else { folder(path, options)? };
     if found.is_empty() && path.is_dir() {
         for inner in entries(path)?.iter().filter(|entry| entry.is_dir()) {
@@ -123,11 +75,8 @@ pub fn data_sets(path: &Path, options: &LoadOptions) -> Result<Vec<DataSet>, Com
     Ok(found)
 }
 
-fn entries(folder: &Path) -> Result<Vec<PathBuf>, CompareError> {
-    let refuse = |reason: std::io::Error| CompareError::File {
-        file: folder.to_owned(),
-        reason: format!("it cannot be read: {reason}"),
-    };
+fn entries(folder: &Path) -> Result<Vec<PathBuf>, EvidenceError> {
+    let refuse = |reason: std::io::Error| EvidenceError::of_file(folder, format!("it cannot be read: {reason}"));
     let read = std::fs::read_dir(folder).map_err(refuse)?;
     let mut all: Vec<PathBuf> = read.filter_map(|entry| Some(entry.ok()?.path())).collect();
     all.sort();
@@ -140,7 +89,7 @@ fn named(path: &Path) -> String {
 }
 
 /// The data sets of one folder.
-fn folder(path: &Path, options: &LoadOptions) -> Result<Vec<DataSet>, CompareError> {
+fn folder(path: &Path, options: &LoadOptions) -> Result<Vec<DataSet>, EvidenceError> {
     let name = named(path);
     let entries = entries(path)?;
     if entries.iter().any(|entry| entry.ends_with("tosses.csv")) {
@@ -170,8 +119,8 @@ fn nominal(urdfs: &[&PathBuf]) -> Option<String> {
 }
 
 /// The data set of a table of single impacts, or of landings; `None` for a table of another kind.
-fn table(path: &Path, options: &LoadOptions) -> Result<Option<DataSet>, CompareError> {
-    let refuse = |reason: String| CompareError::File { file: path.to_owned(), reason };
+fn table(path: &Path, options: &LoadOptions) -> Result<Option<DataSet>, EvidenceError> {
+    let refuse = |reason: String| EvidenceError::of_file(path, reason);
     let mut reader = csv::Reader::from_path(path).map_err(|e| refuse(e.to_string()))?;
     let header = reader.headers().map_err(|e| refuse(e.to_string()))?.clone();
     let column = |name: &str| header.iter().position(|it| it.trim() == name);
@@ -214,7 +163,7 @@ fn table(path: &Path, options: &LoadOptions) -> Result<Option<DataSet>, CompareE
 }
 
 /// The landings of a table, with the robot of the URDF beside it.
-fn landed(path: &Path, options: &LoadOptions) -> Result<DataSet, CompareError> {
+fn landed(path: &Path, options: &LoadOptions) -> Result<DataSet, EvidenceError> {
     let beside = path.parent().unwrap_or(Path::new("."));
     let urdfs: Vec<PathBuf> = with_end(&entries(beside)?, "urdf").cloned().collect();
     let urdf = urdf_of(beside, nominal(&urdfs.iter().collect::<Vec<_>>()).as_deref())?;

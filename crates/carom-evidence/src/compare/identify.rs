@@ -17,7 +17,7 @@ use serde::Serialize;
 
 /// The combination of a model's parameters that the measurements determine least.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Weakest {
+pub(crate) struct Weakest {
     /// The model.
     pub model: String,
     /// The direction, of length 1, with each parameter measured as a share of the range of its search: names and components.

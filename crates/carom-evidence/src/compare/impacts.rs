@@ -2,11 +2,12 @@
 
 use super::candidates::Candidate;
 use super::comparison::{CompareOptions, Comparison, Judged, Progress, best, centre, rows};
-use super::data::{CompareError, DataSet, Impacts};
+use super::data::{DataSet, Impacts, too_few};
 use super::identify::weakest;
 use super::planar::PlanarImpact;
 use super::selection::chosen;
 use super::statistics::{Spread, folds};
+use crate::EvidenceError;
 use nalgebra::DVector;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -20,10 +21,10 @@ pub(super) fn compare(
     Impacts { what, numbers, impacts, effects, left_out }: &Impacts,
     options: &CompareOptions,
     progress: Progress<'_>,
-) -> Result<Comparison, CompareError> {
+) -> Result<Comparison, EvidenceError> {
     let (found, needed) = (impacts.len(), 4 * options.folds);
     if found < needed {
-        return Err(CompareError::TooFew { set: set.name.clone(), found, needed, folds: options.folds });
+        return Err(too_few(&set.name, found, needed, options.folds));
     }
     let fold_of = folds(found, options.folds, options.seed);
     let mut candidates = Candidate::all();

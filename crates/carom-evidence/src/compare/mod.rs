@@ -39,25 +39,26 @@ mod selection;
 mod statistics;
 mod tosses;
 
-pub use cases::{TossCase, TossCases, TossStart, toss_cases};
-pub use comparison::{CompareOptions, Comparison, FittedCoefficient, Progress, Row};
-pub use data::{CompareError, DataSet, data_sets};
-pub use identify::Weakest;
+pub use cases::{TossCases, toss_cases};
+#[cfg(test)]
+pub(crate) use comparison::Row;
+pub use comparison::{CompareOptions, Comparison, Progress};
+pub use data::{DataSet, data_sets};
 pub use page::{markdown, summary};
 pub use picture::svg;
-pub use selection::Selected;
-pub use statistics::{Estimate, Spread};
+
+use crate::EvidenceError;
 
 /// Compares all laws on a data set: one comparison for single impacts, up to four for tosses (the parts of the tosses that are
 /// judged, from both starts), two for landings (7 and 5 ms after them).
 ///
 /// # Errors
-/// [`CompareError`]: options out of their range, fewer measurements than folds, a toss that cannot be simulated at all.
+/// [`EvidenceError`]: options out of their range, fewer measurements than folds, a toss that cannot be simulated at all.
 pub fn compare(
     set: &DataSet,
     options: &CompareOptions,
     progress: Progress<'_>,
-) -> Result<Vec<Comparison>, CompareError> {
+) -> Result<Vec<Comparison>, EvidenceError> {
     options.check()?;
     match &set.data {
         data::Data::Impacts(impacts) => Ok(vec![impacts::compare(set, impacts, options, progress)?]),
@@ -67,8 +68,8 @@ pub fn compare(
 }
 
 impl CompareOptions {
-    fn check(&self) -> Result<(), CompareError> {
-        let refuse = |what, value, rule| Err(CompareError::Setting { what, value, rule });
+    fn check(&self) -> Result<(), EvidenceError> {
+        let refuse = |what: &str, value: f64, rule: &str| Err(EvidenceError::new(format!("{what} is {value}: {rule}")));
         if self.folds < 2 {
             return refuse("number of folds", self.folds as f64, "it must be at least 2");
         }
@@ -93,3 +94,7 @@ impl CompareOptions {
         Ok(())
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/compare.rs"]
+mod tests;

@@ -1,8 +1,8 @@
 //! Picture of a data set: the mean error of each law, with its standard error, the bound and the floor.
 
 use super::comparison::Comparison;
-use super::data::CompareError;
 use super::page::{name, short};
+use crate::EvidenceError;
 use crate::line_chart::{COLOURS, GREY};
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -19,11 +19,12 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// One panel for each comparison of a data set, below one another.
 ///
 /// # Errors
-/// [`CompareError::Picture`].
-pub fn svg(comparisons: &[Comparison]) -> Result<String, CompareError> {
+/// [`EvidenceError`]: it cannot be drawn.
+pub fn svg(comparisons: &[Comparison]) -> Result<String, EvidenceError> {
     let mut svg = String::new();
     let set = comparisons.first().map_or_else(String::new, |one| one.set.clone());
-    draw(&mut svg, comparisons).map_err(|e| CompareError::Picture { set, reason: e.to_string() })?;
+    let refuse = |e| EvidenceError::new(format!("the picture of {set} cannot be drawn: {e}"));
+    draw(&mut svg, comparisons).map_err(refuse)?;
     Ok(svg)
 }
 

@@ -10,7 +10,7 @@ use serde::Serialize;
 /// Of each law, an effect is accepted if it lowers the mean error of the measurements to which the parameters are fitted by
 /// more than two standard errors of the paired differences; of the accepted models, that with the least mean error is selected.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Selected {
+pub(crate) struct Selected {
     /// The model of each fold.
     pub models: Vec<String>,
     /// Statistics of the errors of all held-out measurements.

@@ -22,7 +22,7 @@ pub(super) fn folds(count: usize, folds: usize, seed: u64) -> Vec<usize> {
 
 /// A mean with its standard error, the sample standard deviation divided by √n; the error of one value is 0.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Estimate {
+pub(crate) struct Estimate {
     /// Mean.
     pub mean: f64,
     /// Standard error of the mean.
@@ -51,7 +51,7 @@ impl Estimate {
 
 /// Statistics of errors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Spread {
+pub(crate) struct Spread {
     /// Mean and its standard error.
     #[serde(flatten)]
     pub estimate: Estimate,

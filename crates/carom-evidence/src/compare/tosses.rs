@@ -4,12 +4,13 @@
 use super::candidates::{Candidate, Effect, Parameter};
 use super::cases::{TossCase, TossCases, TossStart};
 use super::comparison::{CompareOptions, Comparison, Judged, Progress, centre, rows};
-use super::data::{CompareError, DataSet};
+use super::data::{DataSet, too_few};
 use super::identify::{Weakest, weakest};
 use super::scenes::{effects, rule, scene};
 use super::search::{Residuals, Trial, descend};
 use super::selection::chosen;
 use super::statistics::{Spread, folds, shuffled};
+use crate::EvidenceError;
 use carom_chain::urdf::Robot;
 use carom_sim::{Moment, SimError};
 use carom_study::tosses::{GRAVITY, Horizon, Launch, PoseError, RollOutOptions, Scene, Start, Toss, Tosses};
@@ -41,7 +42,7 @@ pub(super) fn export(
     tosses: &Tosses,
     robot: &Robot,
     options: &CompareOptions,
-) -> Result<TossCases, CompareError> {
+) -> Result<TossCases, EvidenceError> {
     let work = Work::new(&set.name, tosses, robot, options)?;
     let case = |(k, kept): (usize, &Kept<'_>)| {
         let Kept { toss, given, launch } = kept;
@@ -78,7 +79,7 @@ pub(super) fn compare(
     robot: &Robot,
     options: &CompareOptions,
     progress: Progress<'_>,
-) -> Result<Vec<Comparison>, CompareError> {
+) -> Result<Vec<Comparison>, EvidenceError> {
     let work = Work::new(&set.name, tosses, robot, options)?;
     let candidates = Candidate::all_for_tosses();
     let effects = effects(robot);
@@ -98,7 +99,7 @@ pub(super) fn compare(
     }
     if judged.is_empty() {
         let (found, needed) = (0, 2 * options.folds);
-        return Err(CompareError::TooFew { set: set.name.clone(), found, needed, folds: options.folds });
+        return Err(too_few(&set.name, found, needed, options.folds));
     }
     // the effects are added to the law with the least training error
     let training = |one: &[Judged; 4]| one[0].training.iter().flatten().sum::<f64>();
@@ -156,7 +157,12 @@ fn mean(values: &[f64]) -> f64 {
 
 impl<'a> Work<'a> {
     /// The tosses that have both starts and an impact, and those to which parameters are fitted.
-    fn new(set: &str, tosses: &'a Tosses, robot: &'a Robot, options: &'a CompareOptions) -> Result<Self, CompareError> {
+    fn new(
+        set: &str,
+        tosses: &'a Tosses,
+        robot: &'a Robot,
+        options: &'a CompareOptions,
+    ) -> Result<Self, EvidenceError> {
         let launches = tosses.launches(Start::Fitted).into_iter().zip(tosses.launches(Start::Given));
         let mut kept = Vec::new();
         for (toss, both) in tosses.tosses.iter().zip(launches) {
@@ -167,7 +173,7 @@ impl<'a> Work<'a> {
         }
         let (found, needed) = (kept.len(), 2 * options.folds);
         if found < needed {
-            return Err(CompareError::TooFew { set: set.to_owned(), found, needed, folds: options.folds });
+            return Err(too_few(set, found, needed, options.folds));
         }
         let fold_of = folds(found, options.folds, options.seed);
         // at least two of each fold, so that every fold leaves some to fit
@@ -433,7 +439,7 @@ mod tests {
         let [rounded, ..] = work.judge(stronge.with(Effect::Corners), Some(&sharp));
         let [full, ..] = work.judge(rounded.candidate.with(Effect::Inertia), Some(&rounded));
         for (more, less) in [(&rounded, &sharp), (&full, &rounded)] {
-            let by = super::super::Estimate::of_pairs(&more.errors, &less.errors);
+            let by = super::super::statistics::Estimate::of_pairs(&more.errors, &less.errors);
             assert!(by.mean < -2.0 * by.standard_error, "{by:?}");
         }
         // the starts are fitted to samples at the tolerance of the simulation; the search ends with a gain below 0.2 %

@@ -1,54 +1,17 @@
 //! Reads measured coefficients from a CSV file.
 
 use super::Range;
-use std::io;
-use std::path::{Path, PathBuf};
+use crate::{EvidenceError, serialised_by_name};
+use serde::Serialize;
+use std::path::Path;
 
 /// Greatest number of measurements of a row.
 const MOST: usize = 200;
 const COLUMNS: [&str; 5] = ["row", "angle_deg", "newton", "energy_root", "tangential"];
 
-/// Reason why measurements cannot be read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum MeasuredError {
-    /// The file cannot be read.
-    #[error("{file}: cannot be read: {reason}")]
-    Unreadable {
-        /// The file.
-        file: PathBuf,
-        /// Error of the operating system.
-        reason: io::Error,
-    },
-    /// The file does not have the form of a table of measurements.
-    #[error("{file}: {rule}")]
-    Shape {
-        /// The file.
-        file: PathBuf,
-        /// The rule that is broken, and what to do.
-        rule: String,
-    },
-    /// A value breaks its rule.
-    #[error("{file}: line {line}, row '{row}', column '{column}': '{value}': {rule}")]
-    Value {
-        /// The file.
-        file: PathBuf,
-        /// The line, counted from 1.
-        line: u64,
-        /// The name of its row.
-        row: String,
-        /// The column.
-        column: &'static str,
-        /// The text of the cell.
-        value: String,
-        /// The rule that is broken, and what to do.
-        rule: String,
-    },
-}
-
 /// A rounded number.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rounded {
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(crate) struct Rounded {
     /// The printed value.
     pub value: f64,
     /// Greatest rounding error: half a unit of the last printed digit, or the rounding given.
@@ -78,7 +41,7 @@ impl Rounded {
 
 /// Observed change of the tangential velocity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Seen {
+pub(crate) enum Seen {
     /// Greater after the impact, in the same direction.
     Grows,
     /// Smaller after the impact, in the same direction.
@@ -118,35 +81,38 @@ impl Seen {
     }
 }
 
+serialised_by_name!(Seen);
+
 /// One measured impact.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Entry {
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Entry {
     /// Angle between the tip's velocity before the impact and the surface, degrees, between 0 and 180 (exclusive); 90 is a
     /// normal impact.
     pub angle_deg: f64,
+    /// cot α, exactly 0 at 90°.
+    pub cot: f64,
     /// Newton's coefficient of restitution e, between 0 and 1.
     pub newton: Rounded,
     /// E = √(T⁺/T⁻), between 0 and 1.
     pub energy_root: Rounded,
     /// Observed change of the tangential velocity, if any.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub seen: Option<Seen>,
 }
 
-impl Entry {
-    /// cot α, exactly 0 at 90°.
-    pub fn cot(&self) -> f64 {
-        let (sin, cos) = self.angle_deg.to_radians().sin_cos();
-        if self.angle_deg == 90.0 { 0.0 } else { cos / sin }
-    }
+/// cot α, exactly 0 at 90°.
+pub(super) fn cot(angle_deg: f64) -> f64 {
+    let (sin, cos) = angle_deg.to_radians().sin_cos();
+    if angle_deg == 90.0 { 0.0 } else { cos / sin }
 }
 
 /// The measurements of one pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredRow {
     /// Name of the pose.
-    pub name: String,
+    pub(crate) name: String,
     /// The measurements, in the order of the file.
-    pub entries: Vec<Entry>,
+    pub(crate) entries: Vec<Entry>,
 }
 
 /// Reads measurements from a CSV file with a header and these columns, in any order:
@@ -163,10 +129,10 @@ pub struct MeasuredRow {
 /// differs from `0.3`), or `rounding` if that is given, from 1e-12 to 1.
 ///
 /// # Errors
-/// [`MeasuredError`] with file, line, row, column, value and rule.
-pub fn read_measured(path: &Path, rounding: Option<f64>) -> Result<Vec<MeasuredRow>, MeasuredError> {
-    let unreadable = |reason| MeasuredError::Unreadable { file: path.to_owned(), reason };
-    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+/// [`EvidenceError`] with file, line, row, column, value and rule.
+pub fn read_measured(path: &Path, rounding: Option<f64>) -> Result<Vec<MeasuredRow>, EvidenceError> {
+    let text = std::fs::read_to_string(path);
+    let text = text.map_err(|reason| EvidenceError::of_file(path, format!("cannot be read: {reason}")))?;
     measured_from(&text, path, rounding)
 }
 
@@ -174,8 +140,8 @@ pub fn read_measured(path: &Path, rounding: Option<f64>) -> Result<Vec<MeasuredR
 ///
 /// # Errors
 /// As [`read_measured`].
-pub fn measured_from(text: &str, path: &Path, rounding: Option<f64>) -> Result<Vec<MeasuredRow>, MeasuredError> {
-    let shape = |rule: String| MeasuredError::Shape { file: path.to_owned(), rule };
+pub(crate) fn measured_from(text: &str, path: &Path, rounding: Option<f64>) -> Result<Vec<MeasuredRow>, EvidenceError> {
+    let shape = |rule: String| EvidenceError::of_file(path, rule);
     if let Some(rounding) = rounding
         && !(Rounded::FINEST..=1.0).contains(&rounding)
     {
@@ -205,18 +171,14 @@ pub fn measured_from(text: &str, path: &Path, rounding: Option<f64>) -> Result<V
         }
         let cell = |column: usize| place[column].and_then(|k| record.get(k)).unwrap_or_default();
         let name = cell(0).to_owned();
-        let refuse = |column: usize, rule: &str| MeasuredError::Value {
-            file: path.to_owned(),
-            line: line(),
-            row: name.clone(),
-            column: COLUMNS[column],
-            value: cell(column).to_owned(),
-            rule: rule.to_owned(),
+        let refuse = |column: usize, rule: &str| {
+            let (value, column) = (cell(column), COLUMNS[column]);
+            shape(format!("line {}, row '{name}', column '{column}': '{value}': {rule}", line()))
         };
         if name.is_empty() {
             return Err(refuse(0, "it is empty: give the name of the pose"));
         }
-        let number = |column: usize| -> Result<Rounded, MeasuredError> {
+        let number = |column: usize| -> Result<Rounded, EvidenceError> {
             let found = Rounded::from_digits(cell(column)).ok_or_else(|| refuse(column, "it is not a number"))?;
             if !found.value.is_finite() {
                 return Err(refuse(column, "it must be finite"));
@@ -244,8 +206,8 @@ pub fn measured_from(text: &str, path: &Path, rounding: Option<f64>) -> Result<V
                 refuse(4, &format!("leave it empty, or give one of {known}"))
             })?),
         };
-        let entry = Entry { angle_deg: angle, newton, energy_root, seen };
-        if seen.is_some() && entry.cot() == 0.0 {
+        let entry = Entry { angle_deg: angle, cot: cot(angle), newton, energy_root, seen };
+        if seen.is_some() && entry.cot == 0.0 {
             return Err(refuse(4, "a normal impact has no tangential velocity before it: leave the cell empty"));
         }
         let row = match rows.iter_mut().position(|row| row.name == name) {

@@ -32,20 +32,31 @@ mod region;
 mod v_plot;
 mod words;
 
-pub use measured::{Entry, MeasuredError, MeasuredRow, Rounded, Seen, measured_from, read_measured};
+pub(crate) use measured::measured_from;
+pub use measured::{MeasuredRow, read_measured};
 pub use v_plot::v_plot;
+pub use words::print;
 
 use crate::paper::Tangential;
+use crate::serialised_by_name;
+use measured::{Entry, Rounded};
 use nalgebra::Vector3;
 use region::Region;
+use serde::Serialize;
 
 /// A closed interval; an end without bound is infinite.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Range {
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(crate) struct Range {
     /// The lower end.
+    #[serde(skip_serializing_if = "is_unbounded")]
     pub least: f64,
     /// The upper end.
+    #[serde(skip_serializing_if = "is_unbounded")]
     pub most: f64,
+}
+
+fn is_unbounded(end: &f64) -> bool {
+    !end.is_finite()
 }
 
 impl Range {
@@ -55,25 +66,32 @@ impl Range {
     }
 
     /// Whether the interval contains `x`.
+    #[cfg(test)]
     pub fn holds(&self, x: f64) -> bool {
         (self.least..=self.most).contains(&x)
     }
 }
 
 /// One measurement in the coordinates (cot α, Y).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
-    /// cot α.
-    pub cot: f64,
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Point {
+    #[serde(flatten)]
+    pub entry: Entry,
     /// Y of the printed values; `None` if they have E < e, or E = 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub y: Option<f64>,
     /// Y of all values that round to the printed ones; `None` if all of them have E < e, which no H gives.
+    #[serde(rename = "y_range", skip_serializing_if = "Option::is_none")]
     pub range: Option<Range>,
+    /// The tangential velocity after the impact by all compatible (h, D), or by [`Findings::fit`] if there are none; `None` if
+    /// neither exists.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub implied: Option<Implied>,
 }
 
 /// The admissible (h, D) of one assignment of the angles to the two sides of h.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Branch {
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(crate) struct Branch {
     /// Number of the row's angles with cot α < h.
     pub below: usize,
     /// Range of h compatible with the rounding.
@@ -83,19 +101,28 @@ pub struct Branch {
 }
 
 /// The (h, D) that needs the least rounding.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fit {
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(crate) struct Fit {
     /// The least factor on the rounding errors (half units of the last digit) with which the row is consistent; at most 1 for
     /// a consistent row.
     pub factor: f64,
-    /// (h, D) at this factor; `None` if h and D have no bound there.
-    pub h_and_d: Option<(f64, f64)>,
+    /// h and D at this factor; `None` if they have no bound there.
+    #[serde(flatten)]
+    pub at: Option<Pose>,
+}
+
+/// What e and E tell of a pose.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(crate) struct Pose {
+    pub h: f64,
+    pub d: f64,
 }
 
 /// Tangential velocity after one measured impact by eq. (15).
-#[derive(Debug, Clone, PartialEq)]
-pub struct Implied {
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Implied {
     /// v_t⁺/V. An outer bound: the ranges of h and e are treated as independent.
+    #[serde(rename = "tangential_per_speed")]
     pub velocity: Range,
     /// All changes of the tangential velocity that are compatible with this range.
     pub changes: Vec<Tangential>,
@@ -103,7 +130,7 @@ pub struct Implied {
 
 /// A measured quantity of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Column {
+pub(crate) enum Column {
     /// e.
     Newton,
     /// E.
@@ -118,97 +145,94 @@ impl Column {
             Self::EnergyRoot => "energy_root",
         }
     }
-
-    /// Value of the column in a measurement.
-    pub fn of(self, entry: &Entry) -> Rounded {
-        match self {
-            Self::Newton => entry.newton,
-            Self::EnergyRoot => entry.energy_root,
-        }
-    }
 }
 
+serialised_by_name!(Column);
+
 /// A single value whose change alone makes the row consistent.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Change {
-    /// Index of the measurement in the row.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Change {
+    /// Index of the measurement in the row, and its angle.
+    #[serde(skip)]
     pub entry: usize,
-    /// Column of the value.
+    pub angle_deg: f64,
+    /// Column of the value, and the value.
     pub column: Column,
+    pub from: f64,
     /// The values that make the row consistent, with all others within their rounding.
     pub to: Vec<Range>,
 }
 
 /// Consistency of the energies with the observed directions of the tangential velocity.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Directions {
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub(crate) struct Directions {
+    /// Whether one H gives both within the rounding.
+    pub agree: bool,
     /// Range of h by the directions alone; `None` if they contradict one another.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub h: Option<Range>,
     /// As [`Fit::factor`], for energies and directions together; `None` if the directions contradict one another, or if no
     /// factor makes both consistent.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub factor: Option<f64>,
 }
 
-impl Directions {
-    /// Whether one H gives both within the rounding.
-    pub fn agree(&self) -> bool {
-        self.factor.is_some_and(|factor| factor <= 1.0)
-    }
-}
-
 /// Results of the consistency test of one row.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Findings {
-    /// The measurements in the coordinates (cot α, Y), in the order of the row.
-    pub points: Vec<Point>,
-    /// The (h, D) compatible with the rounding; empty if no symmetric positive definite H gives the row.
-    pub branches: Vec<Branch>,
-    /// The (h, D) that needs the least rounding.
-    pub fit: Fit,
-    /// Tangential velocities of all compatible (h, D), or of `fit` if there are none; in the order of the row, empty if
-    /// neither exists.
-    pub implied: Vec<Implied>,
-    /// For an inconsistent row: the single values whose change alone makes it consistent.
-    pub changes: Vec<Change>,
-    /// Consistency with the observed directions of the tangential velocity; `None` if none were observed.
-    pub directions: Option<Directions>,
-}
-
-impl Findings {
+    /// Name of the pose.
+    pub(crate) row: String,
     /// Whether a symmetric positive definite H gives the row within its rounding.
-    pub fn consistent(&self) -> bool {
-        !self.branches.is_empty()
-    }
+    pub(crate) consistent: bool,
+    /// The measurements, in the order of the row.
+    pub(crate) points: Vec<Point>,
+    /// The (h, D) compatible with the rounding; empty if no symmetric positive definite H gives the row.
+    pub(crate) branches: Vec<Branch>,
+    /// The (h, D) that needs the least rounding.
+    pub(crate) fit: Fit,
+    /// For an inconsistent row: the single values whose change alone makes it consistent.
+    pub(crate) changes: Vec<Change>,
+    /// Consistency with the observed directions of the tangential velocity; `None` if none were observed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) directions: Option<Directions>,
+    /// The verdict, one clause for each finding.
+    pub(crate) verdict: Vec<String>,
 }
 
 /// Solves the inverse problem for one row.
 pub fn consistency(row: &MeasuredRow) -> Findings {
-    let points: Vec<Point> = row.entries.iter().map(Point::of).collect();
     let regions = regions(row, 1.0, &[], &[]);
     let branch = |(below, r): &(usize, Region)| Branch { below: *below, h: r.h(), d: r.d() };
     let branches: Vec<Branch> = regions.iter().map(branch).collect();
     let (factor, nearest) = least_factor(row, &[]);
-    let fit = Fit { factor, h_and_d: nearest.and_then(|region| region.middle()) };
-    let spans: Vec<Range> = match fit.h_and_d {
+    let fit = Fit { factor, at: nearest.and_then(|region| region.middle()) };
+    let spans: Vec<Range> = match fit.at {
         _ if !branches.is_empty() => branches.iter().map(|b| b.h).collect(),
-        Some((h, _)) => vec![Range { least: h, most: h }],
+        Some(Pose { h, .. }) => vec![Range { least: h, most: h }],
         None => Vec::new(),
     };
-    let implied = if spans.is_empty() {
-        Vec::new()
-    } else {
-        row.entries.iter().map(|entry| implied(entry, &spans, !branches.is_empty())).collect()
+    let consistent = !branches.is_empty();
+    let implied = |entry: &Entry| (!spans.is_empty()).then(|| implied(entry, &spans, consistent));
+    let mut found = Findings {
+        row: row.name.clone(),
+        consistent,
+        points: row.entries.iter().map(|entry| Point::of(entry, implied(entry))).collect(),
+        branches,
+        fit,
+        changes: if consistent { Vec::new() } else { changes(row) },
+        directions: directions(row),
+        verdict: Vec::new(),
     };
-    let changes = if branches.is_empty() { changes(row) } else { Vec::new() };
-    Findings { points, branches, fit, implied, changes, directions: directions(row) }
+    found.verdict = found.clauses();
+    found
 }
 
 impl Point {
-    fn of(entry: &Entry) -> Self {
+    fn of(entry: &Entry, implied: Option<Implied>) -> Self {
         let exact = |x: f64| Range { least: x, most: x };
         let y = y_range(exact(entry.newton.value), exact(entry.energy_root.value));
-        let range = y_range(entry.newton.range(1.0), entry.energy_root.range(1.0));
-        Self { cot: entry.cot(), y: y.filter(|y| y.least == y.most && y.most.is_finite()).map(|y| y.least), range }
+        let y = y.filter(|y| y.least == y.most && y.most.is_finite()).map(|y| y.least);
+        Self { entry: entry.clone(), y, range: y_range(entry.newton.range(1.0), entry.energy_root.range(1.0)), implied }
     }
 }
 
@@ -230,7 +254,7 @@ fn regions(row: &MeasuredRow, factor: f64, without: &[usize], more: &[Vector3<f6
         let Some(y) = y_range(entry.newton.range(factor), entry.energy_root.range(factor)) else {
             return Vec::new();
         };
-        strips.push((row.entries[k].cot(), y));
+        strips.push((row.entries[k].cot, y));
     }
     strips.sort_by(|p, q| p.0.total_cmp(&q.0));
     let mut found = Vec::new();
@@ -275,7 +299,7 @@ fn least_factor(row: &MeasuredRow, more: &[Vector3<f64>]) -> (f64, Option<Region
 }
 
 fn implied(entry: &Entry, spans: &[Range], rounded: bool) -> Implied {
-    let (cot, sin) = (entry.cot(), entry.angle_deg.to_radians().sin());
+    let (cot, sin) = (entry.cot, entry.angle_deg.to_radians().sin());
     let e =
         if rounded { entry.newton.range(1.0) } else { Range { least: entry.newton.value, most: entry.newton.value } };
     let corners = |span: &Range| {
@@ -314,7 +338,7 @@ fn changes(row: &MeasuredRow) -> Vec<Change> {
     let mut found = Vec::new();
     for (k, entry) in row.entries.iter().enumerate() {
         let others = regions(row, 1.0, &[k], &[]);
-        let ys: Vec<Range> = others.iter().map(|(_, region)| region.y(entry.cot())).collect();
+        let ys: Vec<Range> = others.iter().map(|(_, region)| region.y(entry.cot)).collect();
         let (e, root) = (entry.newton.range(1.0), entry.energy_root.range(1.0));
         // E² = 1 − (1−e²)/(1+Y²) and e² = 1 − (1−E²)(1+Y²)
         let lost = |x: f64| (1.0 - x) * (1.0 + x);
@@ -326,9 +350,12 @@ fn changes(row: &MeasuredRow) -> Vec<Change> {
             let least = if root.least < 1.0 { to_newton(root.least, y.most) } else { most };
             (most >= 0.0).then(|| Range { least: least.max(0.0).sqrt(), most: most.sqrt() })
         });
-        for (column, to) in [(Column::Newton, merged(newtons)), (Column::EnergyRoot, merged(roots))] {
+        let (newton, energy_root) = (entry.newton.value, entry.energy_root.value);
+        for (column, from, to) in
+            [(Column::Newton, newton, merged(newtons)), (Column::EnergyRoot, energy_root, merged(roots))]
+        {
             if !to.is_empty() {
-                found.push(Change { entry: k, column, to });
+                found.push(Change { entry: k, angle_deg: entry.angle_deg, column, from, to });
             }
         }
     }
@@ -354,7 +381,7 @@ fn directions(row: &MeasuredRow) -> Option<Directions> {
     let mut forms = Vec::new();
     for entry in &row.entries {
         let Some(seen) = entry.seen else { continue };
-        let (cot, e) = (entry.cot(), entry.newton.range(1.0));
+        let (cot, e) = (entry.cot, entry.newton.range(1.0));
         // along the tangential approach: h(1+e)/|cot α| must lie in `seen.jump()`
         let b = Vector3::y() * cot.signum();
         let a = Vector3::x() * cot.abs();
@@ -379,5 +406,9 @@ fn directions(row: &MeasuredRow) -> Option<Directions> {
         let (factor, region) = least_factor(row, &forms);
         region.map(|_| factor)
     });
-    Some(Directions { h, factor })
+    Some(Directions { agree: factor.is_some_and(|factor| factor <= 1.0), h, factor })
 }
+
+#[cfg(test)]
+#[path = "../../tests/consistency.rs"]
+mod tests;

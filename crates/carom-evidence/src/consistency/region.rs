@@ -4,7 +4,7 @@
 //! (a/w, b/w), and directions if w = 0, so unbounded regions need no bounding box. The extremes of h = b/a, D = (w/a)² and
 //! |a c − b|/w are at generators, because these are quotients of linear forms and monotonic along edges.
 
-use super::Range;
+use super::{Pose, Range};
 use nalgebra::Vector3;
 
 /// Rounding error of generators of length 1.
@@ -83,11 +83,11 @@ impl Region {
     }
 
     /// (h, D) of an interior point; `None` if the region is unbounded or touches a = 0, so that h or D has no bound.
-    pub fn middle(&self) -> Option<(f64, f64)> {
+    pub fn middle(&self) -> Option<Pose> {
         if self.0.iter().any(|g| g.x <= 0.0 || g.z <= 0.0) {
             return None;
         }
         let mean: Vector3<f64> = self.0.iter().map(|g| g / g.z).sum::<Vector3<f64>>() / self.0.len() as f64;
-        Some((mean.y / mean.x, 1.0 / (mean.x * mean.x)))
+        Some(Pose { h: mean.y / mean.x, d: 1.0 / (mean.x * mean.x) })
     }
 }

@@ -1,6 +1,7 @@
 //! Plot of the measurements over cot α with the best V-shaped function.
 
-use super::{Findings, MeasuredRow, Point};
+use super::{Findings, Point, Pose};
+use crate::EvidenceError;
 use crate::line_chart::{COLOURS, Curve, svg};
 
 /// cot 0.0057°: with larger values the other angles would coincide in the plot.
@@ -11,35 +12,37 @@ const FAR: f64 = 1e4;
 ///
 /// # Errors
 /// A message if an angle is too close to 0° or 180°, if no measurement has E ≥ e, or if the plot cannot be drawn.
-pub fn v_plot(rows: &[(MeasuredRow, Findings)]) -> Result<String, String> {
-    let points = || rows.iter().flat_map(|(_, found)| &found.points);
-    let cots = || points().map(|p| p.cot);
-    for (row, found) in rows {
-        if let Some(far) = found.points.iter().find(|point| point.cot.abs() > FAR) {
-            return Err(format!(
+pub fn v_plot(rows: &[Findings]) -> Result<String, EvidenceError> {
+    let points = || rows.iter().flat_map(|found| &found.points);
+    let cots = || points().map(|p| p.entry.cot);
+    for found in rows {
+        if let Some(far) = found.points.iter().find(|point| point.entry.cot.abs() > FAR) {
+            return Err(EvidenceError::new(format!(
                 "row '{}': cot α = {:.1e} is too large for a plot: leave out angles within 0.01° of 0° and 180°",
-                row.name, far.cot
-            ));
+                found.row, far.entry.cot
+            )));
         }
     }
     if points().filter_map(height).next().is_none() {
-        return Err("no measurement has E above e, so there is no Y to plot: leave out the picture".to_owned());
+        return Err(EvidenceError::new(
+            "no measurement has E above e, so there is no Y to plot: leave out the picture",
+        ));
     }
     let top = 1.3 * points().filter_map(height).fold(0.0, f64::max).max(0.1);
     let (left, right) = (cots().fold(0.0, f64::min), cots().fold(0.0, f64::max));
     let room = 0.15 * (right - left).max(1.0);
     let mut curves = Vec::new();
-    for (k, (row, found)) in rows.iter().enumerate() {
+    for (k, found) in rows.iter().enumerate() {
         let colour = COLOURS[k % COLOURS.len()];
-        let mut measured = Curve::new(row.name.clone(), colour);
+        let mut measured = Curve::new(found.row.clone(), colour);
         for point in &found.points {
-            measured.dots.extend(point.y.map(|y| (point.cot, y)));
-            measured.bars.extend(point.range.map(|y| (point.cot, y.least, y.most.min(top))));
+            measured.dots.extend(point.y.map(|y| (point.entry.cot, y)));
+            measured.bars.extend(point.range.map(|y| (point.entry.cot, y.least, y.most.min(top))));
         }
         curves.push(measured);
-        let Some((h, d)) = found.fit.h_and_d else { continue };
-        let name = if found.consistent() { "fit within rounding" } else { "best fit" };
-        let mut v = Curve { dashed: !found.consistent(), ..Curve::new(format!("{}: {name}", row.name), colour) };
+        let Some(Pose { h, d }) = found.fit.at else { continue };
+        let name = if found.consistent { "fit within rounding" } else { "best fit" };
+        let mut v = Curve { dashed: !found.consistent, ..Curve::new(format!("{}: {name}", found.row), colour) };
         // extend the plot to the minimum at h if it is not far away
         let reach = |x: f64| (left - 1.5 * (right - left)..right + 1.5 * (right - left)).contains(&x);
         let (from, to) = if reach(h) { (left.min(h) - room, right.max(h) + room) } else { (left - room, right + room) };
@@ -51,6 +54,7 @@ pub fn v_plot(rows: &[(MeasuredRow, Findings)]) -> Result<String, String> {
         curves.push(v);
     }
     svg("Consistency of energies: Y = |cot α − h| / √D", ["cot α", "Y = √((1 − e²)/(1 − E²) − 1)"], &curves)
+        .map_err(EvidenceError::new)
 }
 
 /// Greatest finite Y of a point.

@@ -1,20 +1,22 @@
 //! Comparison of the paper's claims with the model. Each verdict is computed.
 
-use super::error::PaperError;
 use super::report::{Paper, Row};
 use super::simulated::{FRICTION, Forces, forces};
 use super::{ANGLES_DEG, Elbow, Run, Tangential, strike};
+use crate::EvidenceError;
 use carom_chain::Chain;
 use carom_sim::SimError;
+use serde::Serialize;
 
 /// A claim of the paper, and whether the model confirms it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Claim {
     /// Section, figure or equation of the paper.
     pub place: &'static str,
     /// The claim, paraphrased.
     pub statement: String,
     /// Whether the model confirms the claim.
+    #[serde(rename = "confirmed")]
     pub holds: bool,
     /// The numbers that the verdict is computed from.
     pub evidence: String,
@@ -134,7 +136,7 @@ fn bounds(numbers: &[f64]) -> (f64, f64) {
 ///
 /// # Errors
 /// As [`Paper::of`].
-pub(super) fn claims_of_figures(chain: &Chain, paper: &Paper) -> Result<Vec<Claim>, PaperError> {
+pub(super) fn claims_of_figures(chain: &Chain, paper: &Paper) -> Result<Vec<Claim>, EvidenceError> {
     let percent = |x: f64| format!("{:.1} %", 100.0 * x);
     let apart = |a: f64, b: f64| (a - b).abs() / a.abs().max(b.abs());
     let mut claims = Vec::new();
@@ -237,8 +239,8 @@ pub(super) fn claims_of_figures(chain: &Chain, paper: &Paper) -> Result<Vec<Clai
         });
     }
 
-    for (row, found) in &paper.table {
-        let together = found.directions.is_none_or(|seen| seen.agree());
+    for found in &paper.table {
+        let together = found.directions.is_none_or(|seen| seen.agree);
         let directions = match found.directions.and_then(|seen| seen.factor) {
             Some(factor) => format!("{factor:.3} times with the observed directions"),
             None => "no multiple suffices with the observed directions".into(),
@@ -247,9 +249,9 @@ pub(super) fn claims_of_figures(chain: &Chain, paper: &Paper) -> Result<Vec<Clai
             place: "Sec. IV (Table I)",
             statement: format!(
                 "Table I is not consistent, {}: no H gives its coefficients together with the observed directions",
-                row.name
+                found.row
             ),
-            holds: !(found.consistent() && together),
+            holds: !(found.consistent && together),
             evidence: format!(
                 "the coefficients alone need {:.3} times their rounding errors, {directions} (consistent up to 1)",
                 found.fit.factor

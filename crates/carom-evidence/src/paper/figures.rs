@@ -1,8 +1,8 @@
 //! The paper's figures: the data of each figure and its curves.
 
-use super::error::PaperError;
 use super::report::{Paper, Row, title};
 use super::{ANGLES_DEG, Elbow, Run, SPEEDS};
+use crate::EvidenceError;
 use crate::consistency::v_plot;
 use crate::line_chart::{COLOURS, Curve, GREY, PALE, svg};
 
@@ -100,7 +100,7 @@ impl Paper {
     }
 
     /// A figure as SVG.
-    pub(super) fn figure(&self, name: &str) -> Result<String, PaperError> {
+    pub(super) fn figure(&self, name: &str) -> Result<String, EvidenceError> {
         let label = |k: usize, what: &str| format!("{}-elbow: {what}", Elbow::BOTH[k].name());
         let (_, numbers) = self.numbers(name);
         // a curve of two columns, each scaled to the unit of its axis
@@ -159,7 +159,7 @@ impl Paper {
                     }
                 }
             }
-            _ if name == "table1" => return v_plot(&self.table).map_err(PaperError::Figure),
+            _ if name == "table1" => return v_plot(&self.table),
             _ => {
                 curves.push(marked(curve("before, both elbows".into(), GREY, (0, 1.0), (1, 1.0))));
                 let first = if name == "fig9" { "after, with e" } else { "after, measured" };
@@ -170,7 +170,7 @@ impl Paper {
                 }
             }
         }
-        svg(title, axes, &curves).map_err(PaperError::Figure)
+        svg(title, axes, &curves).map_err(EvidenceError::new)
     }
 }
 

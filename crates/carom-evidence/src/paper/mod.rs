@@ -12,29 +12,29 @@
 //! the stand-in `robots/planar2.urdf`, with the line from base to tip along the surface normal.
 
 mod claims;
-mod error;
 mod figures;
 mod report;
 mod simulated;
 
 pub use claims::{Claim, claims};
-pub use error::PaperError;
-pub use report::{Paper, Row, stand_in};
-pub use simulated::{Forces, TipMotion, TipState};
+pub use report::{Paper, stand_in};
+use simulated::TipState;
 
+use crate::serialised_by_name;
 use carom_chain::Chain;
 use carom_impact::Frictionless;
 use carom_sim::{ChainImpact, Impacts, SimError};
 use nalgebra::{DVector, Matrix2, Vector3};
+use serde::ser::{Serialize, SerializeStruct, Serializer};
 
 /// Contact normal, world frame, from the wall to the robot (the paper's has the opposite sign).
-pub const NORMAL: [f64; 3] = [-1.0, 0.0, 0.0];
+pub(crate) const NORMAL: [f64; 3] = [-1.0, 0.0, 0.0];
 /// Tangential direction of the approach, world frame: down the wall.
-pub const TANGENT: [f64; 3] = [0.0, -1.0, 0.0];
+pub(crate) const TANGENT: [f64; 3] = [0.0, -1.0, 0.0];
 /// Impact angles, degrees.
 pub const ANGLES_DEG: [f64; 4] = [30.0, 45.0, 60.0, 90.0];
 /// Impact speeds, m/s.
-pub const SPEEDS: [f64; 3] = [0.1, 0.2, 0.3];
+pub(crate) const SPEEDS: [f64; 3] = [0.1, 0.2, 0.3];
 
 /// The two configurations of the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,7 +77,7 @@ impl Elbow {
     }
 
     /// "Energetic coefficients" of Table I for [`ANGLES_DEG`]: √(T⁺/T⁻), eq. (16).
-    pub fn measured_energy_root(self) -> [f64; 4] {
+    pub(crate) fn measured_energy_root(self) -> [f64; 4] {
         match self {
             Self::Up => [0.49, 0.59, 0.62, 0.73],
             Self::Down => [0.76, 0.93, 0.91, 0.79],
@@ -123,6 +123,8 @@ impl Tangential {
     }
 }
 
+serialised_by_name!(Elbow, Tangential);
+
 /// One impact of the experiment.
 #[derive(Debug, Clone)]
 pub struct Run {
@@ -159,6 +161,23 @@ impl Run {
     pub fn tangential_change(&self) -> Tangential {
         let (before, after) = self.tangential();
         Tangential::of(before, after)
+    }
+}
+
+impl Serialize for Run {
+    fn serialize<S: Serializer>(&self, out: S) -> Result<S::Ok, S::Error> {
+        let mut run = out.serialize_struct("Run", 10)?;
+        run.serialize_field("elbow", &self.elbow)?;
+        run.serialize_field("speed", &self.speed)?;
+        run.serialize_field("angle_deg", &self.angle_deg)?;
+        run.serialize_field("newton", &self.restitution)?;
+        run.serialize_field("tangential", &self.tangential())?;
+        run.serialize_field("normal", &self.normal())?;
+        run.serialize_field("energy_loss", &self.hit.energy_loss())?;
+        run.serialize_field("energy_root", &self.hit.energy_ratio().sqrt())?;
+        run.serialize_field("coupling", &self.coupling)?;
+        run.serialize_field("change", &self.tangential_change())?;
+        run.end()
     }
 }
 
@@ -216,3 +235,7 @@ pub fn experiment(chain: &Chain) -> Result<Vec<Run>, SimError> {
     }
     Ok(runs)
 }
+
+#[cfg(test)]
+#[path = "../../tests/paper_figures.rs"]
+mod tests;

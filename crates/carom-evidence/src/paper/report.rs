@@ -1,13 +1,14 @@
 //! Writes the paper's figures and table into a folder: SVG, CSV with the data, and a report.
 
 use super::claims::{Claim, claims, claims_of_figures};
-use super::error::PaperError;
 use super::simulated::{ANGLE, FRICTION, Forces, RESTITUTION, SPEED, STIFFNESS, TipMotion, forces, motion};
 use super::{ANGLES_DEG, Elbow, Run, SPEEDS, experiment, strike};
-use crate::consistency::{Findings, MeasuredRow, consistency, measured_from};
+use crate::EvidenceError;
+use crate::consistency::{Findings, consistency, measured_from};
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, ChainError};
 use carom_study::Table;
+use serde::Serialize;
 use std::fmt::Write;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -22,7 +23,7 @@ pub fn stand_in() -> Result<Chain, ChainError> {
 
 /// Impacts at one angle of one elbow at 0.2 m/s.
 #[derive(Debug, Clone)]
-pub struct Row {
+pub(crate) struct Row {
     /// The impact with Newton's coefficient of Table I.
     pub newton: Run,
     /// The impact with the "energetic coefficient" of Table I in place of Newton's, as in the paper's Figs. 9 and 10.
@@ -45,22 +46,31 @@ impl Row {
 }
 
 /// The model's results for the paper's figures, table and claims.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Paper {
     /// Name of the arm.
-    pub arm: String,
-    /// All impacts of the experiment, in the order elbow, speed, angle.
-    pub runs: Vec<Run>,
-    /// Impacts for Table I, in the order elbow (up first), angle.
-    pub rows: Vec<Row>,
-    /// Figs. 4, 6, 7: motion of the tip, elbow up and down.
-    pub motions: [TipMotion; 2],
-    /// Fig. 5: contact forces, elbow up and down.
-    pub forces: [Forces; 2],
-    /// Rows of Table I with the results of [`consistency`].
-    pub table: Vec<(MeasuredRow, Findings)>,
+    pub(crate) arm: String,
+    /// Always: the arm is not the authors'.
+    stand_in: bool,
+    /// The names of the files of a report.
+    files: Vec<String>,
     /// The claims with their verdicts.
-    pub claims: Vec<Claim>,
+    pub(crate) claims: Vec<Claim>,
+    /// All impacts of the experiment, in the order elbow, speed, angle.
+    #[serde(rename = "impacts")]
+    pub(crate) runs: Vec<Run>,
+    /// Impacts for Table I, in the order elbow (up first), angle.
+    #[serde(skip)]
+    pub(crate) rows: Vec<Row>,
+    /// Figs. 4, 6, 7: motion of the tip, elbow up and down.
+    #[serde(skip)]
+    pub(crate) motions: [TipMotion; 2],
+    /// Fig. 5: contact forces, elbow up and down.
+    #[serde(skip)]
+    pub(crate) forces: [Forces; 2],
+    /// Rows of Table I with the results of [`consistency`].
+    #[serde(skip)]
+    pub(crate) table: Vec<Findings>,
 }
 
 const FIGURES: [&str; 8] = ["fig4", "fig5", "fig6", "fig7", "fig8", "fig9", "fig10", "table1"];
@@ -71,8 +81,8 @@ impl Paper {
     /// the poses of [`Elbow::pose`].
     ///
     /// # Errors
-    /// [`PaperError::Sim`] and [`PaperError::Missed`] for any other arm.
-    pub fn of(arm: &Chain) -> Result<Self, PaperError> {
+    /// [`EvidenceError`] for any other arm.
+    pub fn of(arm: &Chain) -> Result<Self, EvidenceError> {
         let [up, down] = Elbow::BOTH;
         let mut rows = Vec::new();
         for elbow in Elbow::BOTH {
@@ -82,15 +92,16 @@ impl Paper {
                 rows.push(Row { newton: struck(e)?, energy: struck(root)?, measured: root });
             }
         }
-        let table = measured_from(include_str!("../../data/table1.csv"), Path::new("docs/table1.csv"), None);
-        let table = table.map_err(|e| PaperError::Figure(e.to_string()))?;
+        let table = measured_from(include_str!("../../data/table1.csv"), Path::new("docs/table1.csv"), None)?;
         let mut paper = Self {
             arm: arm.name().to_owned(),
+            stand_in: true,
+            files: files(),
             runs: experiment(arm)?,
             rows,
             motions: [motion(arm, up)?, motion(arm, down)?],
             forces: [forces(arm, up, FRICTION)?, forces(arm, down, FRICTION)?],
-            table: table.into_iter().map(|row| (row.clone(), consistency(&row))).collect(),
+            table: table.iter().map(consistency).collect(),
             claims: Vec::new(),
         };
         paper.claims = claims(arm, &paper.runs)?;
@@ -99,14 +110,8 @@ impl Paper {
     }
 
     /// The row of an elbow and an angle of [`ANGLES_DEG`].
-    pub fn row(&self, elbow: Elbow, angle_deg: f64) -> Option<&Row> {
+    pub(super) fn row(&self, elbow: Elbow, angle_deg: f64) -> Option<&Row> {
         self.rows.iter().find(|row| row.newton.elbow == elbow && row.newton.angle_deg == angle_deg)
-    }
-
-    /// The names of the files of a report.
-    pub fn files() -> Vec<String> {
-        let of = |name: &&str| [format!("{name}.svg"), format!("{name}.csv")];
-        FIGURES.iter().flat_map(of).chain([REPORT.to_owned()]).collect()
     }
 
     /// Writes the figures (SVG), their data (CSV) and `report.md` into a folder. The files are written to a temporary folder
@@ -114,18 +119,19 @@ impl Paper {
     /// it is replaced.
     ///
     /// # Errors
-    /// [`PaperError`]: the folder contains other files or cannot be written. Its contents are unchanged then.
-    pub fn write(&self, folder: &Path) -> Result<(), PaperError> {
+    /// [`EvidenceError`]: the folder contains other files or cannot be written. Its contents are unchanged then.
+    pub fn write(&self, folder: &Path) -> Result<(), EvidenceError> {
         let unwritable = |file: &Path| {
             let file = file.to_owned();
-            move |reason| PaperError::Unwritable { file, reason }
+            move |reason: io::Error| EvidenceError::of_file(&file, format!("cannot be written: {reason}"))
         };
         let named = folder;
         // resolve symbolic links
         let folder =
             if folder.exists() { folder.canonicalize().map_err(unwritable(named))? } else { folder.to_owned() };
         if let Some(found) = occupied(&folder).map_err(unwritable(named))? {
-            return Err(PaperError::Occupied { folder: named.to_owned(), found });
+            let rule = "give a new or empty folder, or the folder of an earlier report, which is replaced";
+            return Err(EvidenceError::of_file(named, format!("it contains {found}: {rule}")));
         }
         if std::env::current_dir().is_ok_and(|here| here == folder) {
             let reason = io::Error::other("it is the working directory, which cannot be replaced: give a folder in it");
@@ -159,10 +165,26 @@ impl Paper {
         }
         if replaced {
             // one by one, so that no other file is lost that has come into the folder meanwhile
-            Self::files().iter().for_each(|name| _ = std::fs::remove_file(old.join(name)));
+            self.files.iter().for_each(|name| _ = std::fs::remove_file(old.join(name)));
             std::fs::remove_dir(&old).map_err(unwritable(&old))?;
         }
         Ok(())
+    }
+
+    /// Prints the claims with their verdicts as text.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn print(&self, folder: &Path, out: &mut dyn io::Write) -> io::Result<()> {
+        let arm = &self.arm;
+        writeln!(out, "Claims of the paper, and whether {arm} confirms them (a stand-in, not the authors' arm):")?;
+        for claim in &self.claims {
+            let verdict = if claim.holds { "yes" } else { "NO " };
+            writeln!(out, "  {verdict} {}", claim.statement)?;
+            writeln!(out, "      {}", claim.evidence)?;
+        }
+        let report = folder.join(REPORT);
+        writeln!(out, "Figures 4 to 10, Table I, the numbers behind them and the report: {}", report.display())
     }
 
     /// The report, Markdown.
@@ -279,9 +301,9 @@ impl Paper {
                  every arm, with h = tᵀHn/nᵀHn and D = det H/(nᵀHn)², so Y is a V-shaped function of cot α. Result of `carom \
                  consistency docs/table1.csv`:\n\n\
                  ![Consistency of energies](table1.svg)\n\n";
-        for (row, found) in &self.table {
-            let _ = writeln!(text, "**{}**\n", row.name);
-            for sentence in found.verdict(row) {
+        for found in &self.table {
+            let _ = writeln!(text, "**{}**\n", found.row);
+            for sentence in &found.verdict {
                 let _ = writeln!(text, "- {sentence}");
             }
             text.push('\n');
@@ -292,13 +314,19 @@ impl Paper {
     }
 }
 
+/// The names of the files of a report.
+fn files() -> Vec<String> {
+    let of = |name: &&str| [format!("{name}.svg"), format!("{name}.csv")];
+    FIGURES.iter().flat_map(of).chain([REPORT.to_owned()]).collect()
+}
+
 /// Why a folder is neither new nor empty nor that of a report.
 fn occupied(folder: &Path) -> io::Result<Option<String>> {
     let entries = match std::fs::read_dir(folder) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
         entries => entries?,
     };
-    let known = Paper::files();
+    let known = files();
     let mut found = Vec::new();
     for entry in entries {
         let entry = entry?;

@@ -1,7 +1,7 @@
 //! Simulations for Figs. 4 to 7: the tip before, during and after one impact at 0.2 m/s and 45°.
 
-use super::error::PaperError;
 use super::{Elbow, NORMAL, TANGENT, strike};
+use crate::EvidenceError;
 use carom_chain::Chain;
 use carom_contact::Obstacle;
 use carom_impact::{Energetic, Newton};
@@ -31,7 +31,7 @@ const CLOCK: (usize, usize) = (40, 80);
 
 /// State of the tip at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TipState {
+pub(crate) struct TipState {
     /// Time from the impact, s.
     pub time: f64,
     /// Velocity into the wall (the paper's normal), m/s.
@@ -46,7 +46,7 @@ pub struct TipState {
 
 /// Motion of the tip through a rigid impact.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TipMotion {
+pub(crate) struct TipMotion {
     /// Configuration of the arm.
     pub elbow: Elbow,
     /// States every 50 µs, with the states before and after the impact at time 0.
@@ -57,7 +57,7 @@ pub struct TipMotion {
 
 /// Force on the wall during a compliant contact.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Forces {
+pub(crate) struct Forces {
     /// Configuration of the arm.
     pub elbow: Elbow,
     /// Time from the beginning of the contact (s), force into the wall and force down along the wall (N), at equal steps.
@@ -96,10 +96,17 @@ fn run(arm: &Chain, elbow: Elbow, contact: ContactRule) -> Result<(Simulation, T
     Ok((sim, run))
 }
 
+fn missed(elbow: Elbow) -> EvidenceError {
+    EvidenceError::new(format!(
+        "{}-elbow: the tip of this arm does not hit the wall and separate from it: give an arm like robots/planar2.urdf",
+        elbow.name()
+    ))
+}
+
 /// Figs. 4, 6 and 7: the rigid impact.
-pub(super) fn motion(arm: &Chain, elbow: Elbow) -> Result<TipMotion, PaperError> {
+pub(super) fn motion(arm: &Chain, elbow: Elbow) -> Result<TipMotion, EvidenceError> {
     let (sim, run) = run(arm, elbow, ContactRule::new(Newton { restitution: RESTITUTION, friction: 0.0 }))?;
-    let missed = || PaperError::Missed { elbow: elbow.name() };
+    let missed = || missed(elbow);
     let hit = run.events.iter().find(|event| matches!(event.kind, EventKind::Impact { .. })).ok_or_else(missed)?;
     let (n, t) = (-Vector3::from(NORMAL), Vector3::from(TANGENT));
     let point = arm.point(arm.frame("tip")?, Vector3::zeros());
@@ -127,12 +134,12 @@ pub(super) fn motion(arm: &Chain, elbow: Elbow) -> Result<TipMotion, PaperError>
 
 /// Fig. 5: compliant contact by Hunt and Crossley, with the damping that gives Stronge's coefficient `RESTITUTION`. A rigid
 /// impact has no finite force.
-pub(super) fn forces(arm: &Chain, elbow: Elbow, friction: f64) -> Result<Forces, PaperError> {
+pub(super) fn forces(arm: &Chain, elbow: Elbow, friction: f64) -> Result<Forces, EvidenceError> {
     let tangential = Holding::Smoothed { slip_speed: SLIP_SPEED };
     let compliance = Some(Compliance { tangential, ..Compliance::new(STIFFNESS) });
     let rule = ContactRule { compliance, ..ContactRule::new(Energetic { restitution: RESTITUTION, friction }) };
     let (sim, run) = run(arm, elbow, rule)?;
-    let missed = || PaperError::Missed { elbow: elbow.name() };
+    let missed = || missed(elbow);
     let [first, last, ..] = run.events.as_slice() else { return Err(missed()) };
     let EventKind::Mode { mode: ContactMode::Pressing { touch, damping } } = first.kind else { return Err(missed()) };
     let (n, t) = (-Vector3::from(NORMAL), Vector3::from(TANGENT));

@@ -5,16 +5,6 @@
 //! solution, the order of a method, the rounding, or a theorem about which laws must fail and by how much. A figure outside its
 //! bound, an unexpected refusal, a failure that does not happen and a violated side condition are all a
 //! [`Verdict::Defect`]. All random numbers have fixed seeds.
-//!
-//! ```
-//! use carom_evidence::stress::{SCENES, Verdict};
-//!
-//! let kane = SCENES.iter().find(|scene| scene.name == "energy paradox").unwrap().run();
-//! let cell = |method| kane.cells.iter().find(|cell| cell.method == method).unwrap();
-//! assert_eq!(cell("whittaker").verdict, Verdict::Fails); // it gains energy, as Kane & Levinson found
-//! assert!((cell("whittaker").figure.unwrap() - 6.35).abs() < 1e-3);
-//! assert_eq!(cell("energetic").verdict, Verdict::Exact);
-//! ```
 
 mod chains;
 mod definition;
@@ -28,14 +18,14 @@ mod several;
 mod single;
 mod tree;
 
-pub use report::{markdown, svg};
-pub use scenes::SCENES;
-
+use crate::serialised_by_name;
 use carom_impact::{Coefficients, Law, law_by_name};
 use rayon::prelude::*;
+use scenes::SCENES;
+use serde::Serialize;
 
 /// The methods, in the order of the table's columns: the laws of one contact, those of several, and the simulators.
-pub const METHODS: [&str; 15] = [
+const METHODS: [&str; 15] = [
     "frictionless",
     "whittaker",
     "newton",
@@ -54,23 +44,23 @@ pub const METHODS: [&str; 15] = [
 ];
 
 /// Newton's restitution for all contacts at once.
-pub const MOREAU: &str = "moreau";
+const MOREAU: &str = "moreau";
 /// Poisson's law for several contacts.
-pub const GLOCKER_PFEIFFER: &str = "glocker-pfeiffer";
+const GLOCKER_PFEIFFER: &str = "glocker-pfeiffer";
 /// One contact after another.
-pub const SEQUENTIAL: &str = "sequential";
+const SEQUENTIAL: &str = "sequential";
 /// The energetic law for several contacts.
-pub const LIU_ZHAO_BROGLIATO: &str = "liu-zhao-brogliato";
+const LIU_ZHAO_BROGLIATO: &str = "liu-zhao-brogliato";
 /// Event-driven simulation.
-pub const EVENTS: &str = "events";
+const EVENTS: &str = "events";
 /// Moreau–Jean time steps.
-pub const STEPS: &str = "steps";
+const STEPS: &str = "steps";
 /// Compliant contacts.
-pub const COMPLIANT: &str = "compliant";
+const COMPLIANT: &str = "compliant";
 
 /// The result of one method in one scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
+pub(crate) enum Verdict {
     /// The figure is rounding: at most 1e-12.
     Exact,
     /// The figure is at most the scene's tolerance.
@@ -102,8 +92,10 @@ impl Verdict {
     }
 }
 
+serialised_by_name!(Verdict);
+
 /// Largest figure of [`Verdict::Exact`].
-pub const EXACT: f64 = 1e-12;
+const EXACT: f64 = 1e-12;
 
 /// The bound on a figure.
 #[derive(Debug, Clone, Copy)]
@@ -118,7 +110,7 @@ enum Bound {
 
 /// What theory predicts for one or several methods in a scene.
 #[derive(Debug, Clone, Copy)]
-pub struct Expected {
+struct Expected {
     methods: &'static [&'static str],
     verdict: Verdict,
     bound: Bound,
@@ -161,8 +153,8 @@ impl Expected {
 }
 
 /// One method in one scene.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Cell {
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Cell {
     /// One of [`METHODS`].
     pub method: &'static str,
     /// The verdict: the expected one, or [`Verdict::Defect`].
@@ -170,18 +162,21 @@ pub struct Cell {
     /// The verdict that theory predicts.
     pub expected: Verdict,
     /// The scene's figure; `None` if the method refused.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub figure: Option<f64>,
     /// Least and largest figure that theory allows; `None` if it predicts a refusal.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub bound: Option<[f64; 2]>,
     /// Why theory predicts this.
     pub reason: &'static str,
     /// Further facts; of a defect, what differs from the prediction.
+    #[serde(skip_serializing_if = "String::is_empty")]
     pub note: String,
 }
 
 /// One scene with all methods that apply to it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Row {
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Row {
     /// Short name.
     pub scene: &'static str,
     /// What happens.
@@ -196,9 +191,9 @@ pub struct Row {
 
 /// A scene of the table.
 #[derive(Debug, Clone, Copy)]
-pub struct Scene {
+struct Scene {
     /// Short name.
-    pub name: &'static str,
+    name: &'static str,
     story: &'static str,
     measures: &'static str,
     tolerance: f64,
@@ -248,7 +243,7 @@ impl Found {
 
 impl Scene {
     /// All methods in this scene.
-    pub fn run(&self) -> Row {
+    fn run(&self) -> Row {
         let of = |method| self.expected.iter().find(|expected| expected.methods.contains(&method));
         let cells = METHODS.into_iter().filter_map(|method| Some(self.cell(method, of(method)?)));
         Row {
@@ -297,52 +292,56 @@ impl Scene {
         let Expected { verdict: expected, reason, .. } = *expected;
         Cell { method, verdict, expected, figure, bound: limits, reason, note }
     }
+}
 
-    /// What is inconsistent in the scene's expectations; empty if nothing is.
-    pub fn inconsistencies(&self) -> Vec<String> {
-        let mut found = Vec::new();
-        let mut wrong =
-            |methods: &[&str], what: &str| found.push(format!("{}: {}: {what}", self.name, methods.join(", ")));
-        let listed = |method: &str| self.expected.iter().filter(|expected| expected.methods.contains(&method)).count();
-        for expected in self.expected {
-            let methods = expected.methods;
-            if methods.iter().any(|method| !METHODS.contains(method) || listed(method) != 1) {
-                wrong(methods, "a method that is unknown or listed twice");
-            }
-            if expected.reason.is_empty() {
-                wrong(methods, "no reason");
-            }
-            let limits: Vec<_> = methods.iter().filter_map(|method| expected.limits(method).ok()).collect();
-            let fits = |limits: &Option<[f64; 2]>| match (expected.verdict, limits) {
-                (Verdict::Refused, None) => true,
-                (Verdict::Exact, Some([least, most])) => *least == 0.0 && *most <= EXACT,
-                (Verdict::Within, Some([least, most])) => least < most && *most > EXACT && *most <= self.tolerance,
-                (Verdict::Degrades | Verdict::Fails, Some([least, most])) => least < most && *least > self.tolerance,
-                _ => false,
-            };
-            if limits.len() != methods.len() || !limits.iter().all(fits) {
-                wrong(methods, "the bound does not fit the verdict");
-            }
-        }
-        found
+/// The results of scenes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Table {
+    methods: [&'static str; METHODS.len()],
+    #[serde(rename = "scenes")]
+    rows: Vec<Row>,
+}
+
+/// The names of all scenes.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    SCENES.iter().map(|scene| scene.name)
+}
+
+impl Table {
+    /// Runs the scenes with these names on all cores; `done` is called with the name of each scene that is finished.
+    pub fn of(names: &[&str], done: &(dyn Fn(&str) + Sync)) -> Self {
+        let scenes: Vec<&Scene> = SCENES.iter().filter(|scene| names.contains(&scene.name)).collect();
+        let row = |scene: &&Scene| {
+            let row = scene.run();
+            done(row.scene);
+            row
+        };
+        // One scene per task, because some take a thousand times longer than others.
+        Self { methods: METHODS, rows: scenes.par_iter().with_max_len(1).map(row).collect() }
     }
-}
 
-/// Runs scenes on all cores and returns their rows in order; `done` is called with each row that is finished.
-pub fn run(scenes: &[&Scene], done: &(dyn Fn(&Row) + Sync)) -> Vec<Row> {
-    let row = |scene: &&Scene| {
-        let row = scene.run();
-        done(&row);
-        row
-    };
-    // One scene per task, because some take a thousand times longer than others.
-    scenes.par_iter().with_max_len(1).map(row).collect()
-}
+    /// The scene and the method of each cell that is not as theory predicts.
+    pub fn defects(&self) -> Vec<String> {
+        let cells = self.rows.iter().flat_map(|row| row.cells.iter().map(move |cell| (row.scene, cell)));
+        let defects = cells.filter(|(_, cell)| cell.verdict == Verdict::Defect);
+        defects.map(|(scene, cell)| format!("{scene} / {}", cell.method)).collect()
+    }
 
-/// The cells whose verdict is [`Verdict::Defect`], with the scene's name.
-pub fn defects(rows: &[Row]) -> Vec<(&'static str, &Cell)> {
-    let cells = rows.iter().flat_map(|row| row.cells.iter().map(move |cell| (row.scene, cell)));
-    cells.filter(|(_, cell)| cell.verdict == Verdict::Defect).collect()
+    /// The number of cells of each verdict, and its name.
+    pub fn counts(&self) -> impl Iterator<Item = (usize, &'static str)> {
+        let of = |verdict| self.rows.iter().flat_map(|row| &row.cells).filter(|cell| cell.verdict == verdict).count();
+        Verdict::ALL.into_iter().map(move |verdict| (of(verdict), verdict.name()))
+    }
+
+    /// The table in Markdown.
+    pub fn markdown(&self) -> String {
+        report::markdown(&self.rows)
+    }
+
+    /// The table as a picture (SVG).
+    pub fn svg(&self) -> String {
+        report::svg(&self.rows)
+    }
 }
 
 /// One law of one contact, in the plane or in space.
@@ -366,3 +365,7 @@ fn runge_kutta<const N: usize>(y: [f64; N], h: f64, rate: impl Fn([f64; N]) -> [
 fn said(error: impl std::fmt::Display) -> String {
     error.to_string()
 }
+
+#[cfg(test)]
+#[path = "../../tests/stress.rs"]
+mod tests;

@@ -6,15 +6,17 @@
 mod leg;
 mod log;
 #[cfg(test)]
+#[path = "../../../tests/landings.rs"]
 mod tests;
 
 use super::candidates::{Candidate, Effect};
 use super::comparison::{CompareOptions, Comparison, Judged, Progress, best, centre, rows};
-use super::data::{CompareError, DataSet};
+use super::data::{DataSet, too_few};
 use super::identify::weakest;
 use super::search::{Residuals, descend};
 use super::selection::chosen;
 use super::statistics::folds;
+use crate::EvidenceError;
 use carom_chain::Chain;
 use carom_chain::urdf::Robot;
 use leg::{Landing, WINDOWS, rms, with_rods};
@@ -39,11 +41,11 @@ const EFFECTS: [Effect; 4] = [Effect::Rotors, Effect::Rods, Effect::Springs, Eff
 
 impl Landings {
     /// The landings of a table, with the robot of the file `urdf`.
-    pub fn read(table: &Path, urdf: &Path, robot: &Robot) -> Result<Self, CompareError> {
-        let of_robot = |reason| CompareError::File { file: urdf.to_owned(), reason };
+    pub fn read(table: &Path, urdf: &Path, robot: &Robot) -> Result<Self, EvidenceError> {
+        let of_robot = |reason: String| EvidenceError::of_file(urdf, reason);
         log::check_joints(robot).map_err(of_robot)?;
         let chain = with_rods(robot).map_err(of_robot)?;
-        let logs = log::read(table).map_err(|reason| CompareError::File { file: table.to_owned(), reason })?;
+        let logs = log::read(table).map_err(|reason| EvidenceError::of_file(table, reason))?;
         let legs = logs.iter().enumerate().flat_map(|log| (0..SIDES.len()).map(move |side| (log, side)));
         let all = legs.map(|(log, side)| Landing::of(&chain, log, side).map_err(|e| of_robot(e.to_string())));
         let all: Vec<Option<Landing>> = all.collect::<Result<_, _>>()?;
@@ -72,12 +74,12 @@ pub(super) fn compare(
     landings: &Landings,
     options: &CompareOptions,
     progress: Progress<'_>,
-) -> Result<Vec<Comparison>, CompareError> {
+) -> Result<Vec<Comparison>, EvidenceError> {
     let mut logs: Vec<usize> = landings.landings.iter().map(|landing| landing.log).collect();
     logs.dedup();
     let (found, needed) = (logs.len(), options.folds);
     if found < needed {
-        return Err(CompareError::TooFew { set: set.name.clone(), found, needed, folds: options.folds });
+        return Err(too_few(&set.name, found, needed, options.folds));
     }
     let of_log = folds(found, options.folds, options.seed);
     let place = |landing: &Landing| logs.iter().position(|log| *log == landing.log).unwrap_or_default();
