@@ -9,7 +9,7 @@ use carom_contact::Mesh;
 use carom_evidence::consistency::read_measured;
 use carom_impact::{Coefficients, LAW_NAMES, law_by_name};
 use carom_sim::Scene;
-use carom_study::Study;
+use carom_study::map_study::Study;
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

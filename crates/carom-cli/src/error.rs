@@ -34,7 +34,7 @@ pub enum CliError {
     },
     /// A study or its map; the message names their files.
     #[error(transparent)]
-    Study(#[from] carom_study::StudyError),
+    Study(#[from] carom_study::map_study::StudyError),
     /// A map whose computation was interrupted.
     #[error(
         "interrupted after {rows} of {total} rows, which are in {}: run the same command with --resume to continue",

@@ -22,9 +22,9 @@ pub mod tosses;
 pub use diagram::{Diagram, LawPoint, Mark, Shape, Stroke, Symbol, hodograph, impulse_space, routh_diagram};
 pub use ensemble::{Run, ensemble};
 pub use impact_map::{Approach, MapPoint, tangential_map};
-pub use map_study::{Study, StudyError};
+#[doc(hidden)] // shared with the other crates of this workspace that write files
 pub use part::{Part, remove_unfinished, write_whole};
 pub use scene_table::{SCENE_KEY, STUDY_KEY, contact_columns, contact_row, coordinate_columns, state_columns};
 pub use self_motion::{SelfMotionPoint, self_motion};
 pub use table::{Column, Table, TableError};
-pub use tosses::{Fitted, Horizon, Launch, PoseError, RollOut, RollOutOptions, Start, Toss, TossError, Tosses};
+pub use tosses::{Horizon, PoseError, RollOut, RollOutOptions, Start, Toss, TossError, Tosses};

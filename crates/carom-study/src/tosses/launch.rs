@@ -59,6 +59,7 @@ const FEWEST: usize = 4;
 impl Tosses {
     /// The start of the roll-out of each toss, in the order of the tosses. A start is that of the table if the flight has
     /// fewer than four samples, if its fit does not converge, and if the fitted pose overlaps the floor.
+    #[doc(hidden)] // for carom-evidence
     pub fn launches(&self, start: Start) -> Vec<Result<Launch, TossError>> {
         self.tosses.par_iter().map(|toss| self.launch(toss, start)).collect()
     }
