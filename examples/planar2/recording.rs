@@ -3,32 +3,25 @@
 //! Per elbow pose: `/up/map` (where the tip would reverse), `/up/wall`, `/up/links`, `/up/path/…`,
 //! `/up/impulse`, `/up/velocity/…`; time series under `/series`; the table as a text document.
 
-use crate::RecordError;
-use crate::target::{begin, keep};
-use carom_chain::{Chain, ChainError, Spatial, Workspace};
-use carom_sim::{ChainImpact, Moment};
-use carom_study::MapPoint;
+use carom::record::rerun::{self, RecordingStream, blueprint as view, blueprint::components::PanelState};
+use carom::sim::{Moment, free_motion};
+use carom::study::{Approach, MapPoint, Part, tangential_map};
+use carom::{Chain, ChainError, Workspace, chain::Spatial};
+use carom_evidence::paper::Run;
 use nalgebra::{Vector2, Vector3};
-use rerun::RecordingStream;
-use rerun::blueprint as view;
-use rerun::blueprint::components::PanelState;
+use std::error::Error;
 use std::path::Path;
 
 /// Data of one elbow pose.
-#[derive(Debug, Clone)]
-pub struct Side {
-    /// Name of the elbow pose: `up` or `down`.
-    pub elbow: &'static str,
-    /// Joint angles at the impact, rad.
-    pub q: [f64; 2],
+struct Side<'a> {
     /// The impact.
-    pub hit: ChainImpact,
+    run: &'a Run,
     /// Free motion before the impact; the last time is 0 s.
-    pub before: Vec<Moment>,
+    before: Vec<Moment>,
     /// Free motion after the impact; the first time is 0 s.
-    pub after: Vec<Moment>,
+    after: Vec<Moment>,
     /// v_t⁺/v_t⁻ over the workspace.
-    pub map: Vec<MapPoint>,
+    map: Vec<MapPoint>,
 }
 
 const WALL: u32 = 0x9aa4_b2ff;
@@ -43,53 +36,33 @@ const IMPULSE_SCALE: f64 = 0.5;
 /// Length of the arrow of 1 m/s, m.
 const VELOCITY_SCALE: f64 = 0.8;
 
-/// Writes the recording under a temporary name and then renames it to `path`; `table` is its page of Markdown.
-///
-/// # Errors
-/// [`RecordError::Chain`] for a chain without the links of planar2, [`RecordError::Unwritable`].
-pub fn record_planar2(chain: &Chain, sides: &[Side], table: &str, path: &Path) -> Result<(), RecordError> {
-    let file = begin(path)?;
-    write(chain, sides, table, file.temporary()).map_err(|trouble| match trouble {
-        Trouble::Chain(error) => RecordError::Chain(error),
-        Trouble::Recorder(reason) => RecordError::Unwritable { path: path.to_owned(), reason },
-    })?;
-    keep(file)
-}
-
-/// Errors while writing, without types of rerun.
-enum Trouble {
-    Chain(ChainError),
-    Recorder(String),
-}
-
-impl From<ChainError> for Trouble {
-    fn from(error: ChainError) -> Self {
-        Self::Chain(error)
+/// Writes the recording of the impacts at 0.2 m/s and 45° under a temporary name and then renames it to `path`; `table` is its page of
+/// Markdown.
+pub fn record(arm: &Chain, runs: &[Run], table: &str, path: &Path) -> Result<(), Box<dyn Error>> {
+    let flat = arm.to_planar()?;
+    let tip = arm.frame("tip")?;
+    // The workspace around the wall, every centimetre.
+    let targets = || (0..110).flat_map(|i| (0..121).map(move |k| [-0.15 + 0.01 * i as f64, -0.6 + 0.01 * k as f64]));
+    let file = Part::unique(path)?;
+    let rec = rerun::RecordingStreamBuilder::new("carom_planar2").save(file.temporary())?;
+    let mut pen = Pen { rec: &rec, chain: arm, workspace: arm.workspace() };
+    for run in runs.iter().filter(|r| r.speed == 0.2 && r.angle_deg == 45.0) {
+        let pose = run.elbow.pose();
+        // The arm moves in a horizontal plane, so gravity has no effect. The approach is integrated back in time.
+        let motion = |qd: &[f64], end: f64| free_motion(arm, &pose, qd, Vector3::zeros(), end, 151);
+        let mut before = motion(&run.qd_minus, -0.6)?;
+        before.reverse();
+        let after = motion(&run.hit.qd_plus, 0.6)?;
+        let approach = Approach { normal: -Vector2::x(), tangent: -Vector2::y(), restitution: run.restitution };
+        let map = tangential_map(&flat, tip, [0.45, 0.45], approach, run.elbow.side(), targets())?;
+        pen.side(&Side { run, before, after, map })?;
     }
+    finish(&rec, table)?;
+    drop(rec); // the end of the stream writes the last bytes of the file
+    Ok(file.keep()?)
 }
 
-impl From<rerun::RecordingStreamError> for Trouble {
-    fn from(error: rerun::RecordingStreamError) -> Self {
-        Self::Recorder(error.to_string())
-    }
-}
-
-impl From<rerun::sink::SinkFlushError> for Trouble {
-    fn from(error: rerun::sink::SinkFlushError) -> Self {
-        Self::Recorder(error.to_string())
-    }
-}
-
-fn write(chain: &Chain, sides: &[Side], table: &str, path: &Path) -> Result<(), Trouble> {
-    let rec = rerun::RecordingStreamBuilder::new("carom_planar2").save(path)?;
-    let mut pen = Pen { rec: &rec, chain, workspace: chain.workspace() };
-    for side in sides {
-        pen.side(side)?;
-    }
-    finish(&rec, table)
-}
-
-fn finish(rec: &RecordingStream, table: &str) -> Result<(), Trouble> {
+fn finish(rec: &RecordingStream, table: &str) -> Result<(), Box<dyn Error>> {
     rec.log_static("table", &rerun::TextDocument::from_markdown(table))?;
     for (elbow, colour) in [("up", BEFORE), ("down", AFTER)] {
         for name in ["tangential", "normal", "energy"] {
@@ -152,18 +125,18 @@ impl Pen<'_> {
         Ok(frames.map(|f| kin.pose(f).translation.xy()))
     }
 
-    fn side(&mut self, side: &Side) -> Result<(), Trouble> {
-        let elbow = side.elbow;
+    fn side(&mut self, side: &Side) -> Result<(), Box<dyn Error>> {
+        let elbow = side.run.elbow.name();
         let at = |what: &str| format!("{elbow}/{what}");
         let rec = self.rec;
-        let [_, _, tip] = self.joints(&side.q)?;
+        let [_, _, tip] = self.joints(&side.run.elbow.pose())?;
         rec.log_static(at("map"), &map_points(side))?;
         rec.log_static(at("wall"), &wall(tip))?;
 
         // The path of the tip, and the arm at the first and the last sample.
         for (name, samples, colour) in [("before", &side.before, BEFORE), ("after", &side.after, AFTER)] {
-            let path: Result<Vec<_>, _> = samples.iter().map(|s| Ok(screen(self.joints(&s.q)?[2]))).collect();
-            let path = strips([path.map_err(Trouble::Chain)?], colour, 0.003).with_draw_order(35.0);
+            let path: Result<Vec<_>, ChainError> = samples.iter().map(|s| Ok(screen(self.joints(&s.q)?[2]))).collect();
+            let path = strips([path?], colour, 0.003).with_draw_order(35.0);
             rec.log_static(at(&format!("path/{name}")), &path)?;
         }
         for (name, sample) in [("first", side.before.first()), ("last", side.after.last())] {
@@ -172,7 +145,7 @@ impl Pen<'_> {
             rec.log_static(at(&format!("ghost/{name}")), &ghost.with_draw_order(20.0))?;
         }
 
-        let hit = &side.hit;
+        let hit = &side.run.hit;
         let impulse = arrow(tip, hit.impulse.xy() * IMPULSE_SCALE, IMPULSE);
         let label = format!("{:.3} N s", hit.impulse.norm());
         rec.log_static(at("impulse"), &impulse.with_labels([label]).with_draw_order(40.0))?;
@@ -191,7 +164,7 @@ impl Pen<'_> {
     }
 
     /// Logs the arm, the velocities of the tip and the energy at one time.
-    fn moment(&mut self, elbow: &str, sample: &Moment) -> Result<(), Trouble> {
+    fn moment(&mut self, elbow: &str, sample: &Moment) -> Result<(), Box<dyn Error>> {
         let arm = self.joints(&sample.q)?.map(screen);
         let tip = self.chain.point(self.chain.frame("tip")?, Vector3::zeros());
         let mut kin = self.workspace.update(self.chain, &sample.q)?;
@@ -201,11 +174,7 @@ impl Pen<'_> {
         let joints = rerun::Points2D::new(arm).with_colors([JOINT]).with_radii([0.012, 0.012, 0.006]);
         self.rec.log(format!("{elbow}/links"), &links)?;
         self.rec.log(format!("{elbow}/joints"), &joints.with_draw_order(31.0))?;
-        for (name, value) in [
-            ("tangential", -u.y),
-            ("normal", -u.x),
-            ("energy", energy),
-        ] {
+        for (name, value) in [("tangential", -u.y), ("normal", -u.x), ("energy", energy)] {
             self.rec.log(format!("series/{name}/{elbow}"), &rerun::Scalars::single(value))?;
         }
         Ok(())
