@@ -1,5 +1,6 @@
 //! Whole chains that are hard on numbers.
 
+use super::bodies::{chain, joint, link};
 use super::definition::{Reported, violation_of};
 use super::single::{SPATIAL, worse};
 use super::tree::{Body, Posed, urdf};
@@ -9,7 +10,6 @@ use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, Coordinates, Rows, uniform_chain};
 use carom_sim::{ChainImpact, Impacts, SimError};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2xX, Matrix3, Rotation3, SMatrix, Vector2, Vector3};
-use std::fmt::Write;
 use std::sync::OnceLock;
 
 /// M = [[p₁ + 2p₃c, p₂ + p₃c], [p₂ + p₃c, p₂]] with c = cos q₂: the arm of the paper's preset, with links of 0.45 m.
@@ -21,27 +21,17 @@ fn arm() -> Result<Chain, String> {
     let (l1, r2) = (0.45, 0.2);
     let m2 = p3 / (l1 * r2);
     let (own1, own2) = (p1 - p2 - m2 * l1 * l1, p2 - m2 * r2 * r2);
-    let link = |name: &str, mass: f64, at: f64, inertia: f64| {
-        format!(
-            r#"<link name="{name}"><inertial><origin xyz="{at} 0 0"/><mass value="{mass}"/>
-            <inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/></inertial></link>"#
-        )
-    };
-    let hinge = |name: &str, parent: &str, child: &str, at: f64| {
-        format!(
-            r#"<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
-            <origin xyz="{at} 0 0"/><axis xyz="0 0 1"/></joint>"#
-        )
-    };
-    let text = format!(
-        r#"<robot name="arm"><link name="base"/>{}{}<link name="tip"/>{}{}
-        <joint name="end" type="fixed"><parent link="b"/><child link="tip"/><origin xyz="0.45 0 0"/></joint></robot>"#,
-        link("a", 1.0, 0.0, own1),
-        link("b", m2, r2, own2),
-        hinge("q1", "base", "a", 0.0),
-        hinge("q2", "a", "b", l1),
-    );
-    Chain::from_urdf_str(&text, &LoadOptions::default()).map_err(said)
+    chain(
+        &[
+            r#"<link name="tip"/>"#.to_owned(),
+            link("a", 1.0, [own1; 3], [0.0; 3], ""),
+            link("b", m2, [own2; 3], [r2, 0.0, 0.0], ""),
+            joint("continuous", ["world", "a"], 0.0, [0.0, 0.0, 1.0]),
+            joint("continuous", ["a", "b"], l1, [0.0, 0.0, 1.0]),
+            joint("fixed", ["b", "tip"], l1, [1.0, 0.0, 0.0]),
+        ]
+        .concat(),
+    )
 }
 
 /// At q = (0, θ) the tip moves along the stretched arm by −l₂ sin θ (q̇₁ + q̇₂): j is a multiple of (1, 1), and q̇⁺ does not
@@ -86,19 +76,12 @@ pub fn mass_ratio(name: &str) -> Judged {
     let law = law(name, 0.5, 0.0);
     let mut error = 0.0;
     for masses in [[1e-6, 1.0, 1e-6, 1.0, 1e-6, 1.0], [1.0, 1e-6, 1.0, 1e-6, 1.0, 1e-6]] {
-        let mut text = r#"<robot name="row"><link name="link0"/>"#.to_owned();
-        for (k, mass) in masses.iter().enumerate() {
-            let _ = write!(
-                text,
-                r#"<link name="link{n}"><inertial><mass value="{mass}"/>
-                <inertia ixx="{mass}" ixy="0" ixz="0" iyy="{mass}" iyz="0" izz="{mass}"/></inertial></link>
-                <joint name="x{n}" type="prismatic"><parent link="link{k}"/><child link="link{n}"/><axis xyz="1 0 0"/>
-                <limit lower="-9" upper="9" effort="0" velocity="0"/></joint>"#,
-                n = k + 1
-            );
-        }
-        text.push_str("</robot>");
-        let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).map_err(said)?;
+        let names: Vec<String> = (0..=6).map(|k| if k == 0 { "world".into() } else { format!("link{k}") }).collect();
+        let element = |(pair, mass): (&[String], &f64)| {
+            let slide = joint("prismatic", [&pair[0], &pair[1]], 0.0, [1.0, 0.0, 0.0]);
+            link(&pair[1], *mass, [*mass; 3], [0.0; 3], "") + &slide
+        };
+        let chain = chain(&names.windows(2).zip(&masses).map(element).collect::<String>())?;
         let tip = chain.frame("link6").map_err(said)?;
         let qd = [0.1, -0.2, 0.3, -0.4, 0.5, 1.0];
         let hit = chain.impact(&[0.0; 6], &qd).at(tip).normal([-1.0, 0.0, 0.0]).resolve(law.as_ref()).map_err(said)?;

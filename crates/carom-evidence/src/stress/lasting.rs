@@ -1,56 +1,27 @@
 //! Motions with several contacts that last at once.
 
+use super::bodies::{G, cuboid, free, link, moments, plane, rule, simulation, touches};
 use super::single::worse;
 use super::{Found, Judged, STEPS, said};
-use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
-use carom_impact::Energetic;
-use carom_sim::{ContactRule, EventKind, Simulation, Surface, Touch, Trajectory};
+use carom_sim::{EventKind, Simulation, Trajectory};
 use nalgebra::Vector3;
 
-const G: f64 = 9.81;
 /// Half the length, the width and the height of the block, m.
 const HALF: [f64; 3] = [0.2, 0.15, 0.1];
 
-/// A free block of 1 kg.
-fn block() -> Result<Chain, String> {
-    let [x, y, z] = HALF.map(|half| 2.0 * half);
-    let inertia = |a: f64, b: f64| (a * a + b * b) / 12.0;
-    let text = format!(
-        r#"<robot name="block"><link name="block"><inertial><mass value="1"/>
-        <inertia ixx="{}" ixy="0" ixz="0" iyy="{}" iyz="0" izz="{}"/></inertial>
-        <collision><geometry><box size="{x} {y} {z}"/></geometry></collision></link></robot>"#,
-        inertia(y, z),
-        inertia(x, z),
-        inertia(x, y)
-    );
-    let options = LoadOptions { floating_base: true, ..LoadOptions::default() };
-    Chain::from_urdf_str(&text, &options).map_err(said)
-}
-
-/// The block among half-spaces, each with a point and a normal.
+/// A free block of 1 kg among half-spaces, each with a point and a normal.
 fn scene(
     method: &str,
     planes: &[[Vector3<f64>; 2]],
     (restitution, friction): (f64, f64),
     gravity: Vector3<f64>,
 ) -> Result<Simulation, String> {
-    let chain = block()?;
-    let contact = ContactRule::new(Energetic { restitution, friction });
-    let surface = |(k, [point, normal]): (usize, &[Vector3<f64>; 2])| {
-        let obstacle = Obstacle::half_space(*point, *normal).map_err(said)?;
-        Ok::<_, String>(Surface { name: format!("plane {k}"), obstacle, contact: contact.clone(), motion: None })
-    };
-    let surfaces = planes.iter().enumerate().map(surface).collect::<Result<Vec<_>, _>>()?;
-    let touches = Touch::all(&chain, &surfaces, 0.0).map_err(said)?.touches;
-    Ok(Simulation {
-        gravity,
-        tolerance: 1e-12,
-        zeno_time: Simulation::zeno_time_for(1e-12),
-        stepping: method == STEPS,
-        ..Simulation::new(chain, touches)
-    })
+    let shape = format!("<collision>{}</collision>", cuboid(HALF));
+    let chain = free(&link("block", 1.0, moments(1.0, HALF), [0.0; 3], &shape))?;
+    let planes = planes.iter().map(|[point, normal]| plane(*point, *normal)).collect::<Result<_, _>>()?;
+    let touches = touches(&chain, planes, &rule(restitution, friction))?;
+    let zeno_time = Simulation::zeno_time_for(1e-12);
+    Ok(Simulation { gravity, zeno_time, ..simulation(method, chain, touches) })
 }
 
 fn run(sim: &Simulation, height: f64, [vx, vz]: [f64; 2], duration: f64) -> Result<Trajectory, String> {

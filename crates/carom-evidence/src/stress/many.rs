@@ -1,61 +1,36 @@
 //! Motions with several lasting contacts whose modes change: a wedge, a stack, rolling that becomes sliding, rocking to rest.
 
-use super::motion::STEP;
+use super::bodies::{
+    self, G, chain, cuboid, free, joint, link, moments, plane, simulation, sphere, touches, with_method,
+};
 use super::single::worse;
 use super::{COMPLIANT, Found, GLOCKER_PFEIFFER, Judged, LIU_ZHAO_BROGLIATO, MOREAU, STEPS, law, runge_kutta, said};
 use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
-use carom_impact::{Accuracy, Constraint, Energetic, ImpactProblem, Order, SeveralProblem, Stiffnesses};
-use carom_sim::{
-    Compliance, ContactRule, EventKind, Load, Profile, Simulation, Surface, Touch, Trajectory, Wrench, WrenchAxes,
-};
+use carom_impact::{Accuracy, Constraint, ImpactProblem, Order, SeveralProblem, Stiffnesses};
+use carom_sim::{ContactRule, EventKind, Load, Profile, Simulation, Touch, Trajectory, Wrench, WrenchAxes};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
-
-const G: f64 = 9.81;
-/// Stiffness of compliant contacts, N/m^1.5.
-const STIFFNESS: f64 = 1e7;
 
 /// A body that moves in the x–z plane, with the coordinates x, z and the angle about y.
 fn body(name: &str, [mass, inertia]: [f64; 2], shape: &str) -> String {
-    let slide = |axis: &str, vector: &str, parent: &str, child: &str| {
-        format!(
-            r#"<joint name="{name} {axis}" type="prismatic"><parent link="{parent}"/><child link="{child}"/>
-            <axis xyz="{vector}"/><limit lower="-1e3" upper="1e3" effort="0" velocity="0"/></joint>"#
-        )
-    };
-    format!(
-        r#"<link name="{name} carrier x"/><link name="{name} carrier z"/>
-        <link name="{name}"><inertial><mass value="{mass}"/>
-          <inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/></inertial>
-          <collision>{shape}</collision></link>{}{}
-        <joint name="{name} turn" type="continuous"><parent link="{name} carrier z"/><child link="{name}"/>
-          <axis xyz="0 1 0"/></joint>"#,
-        slide("x", "1 0 0", "world", &format!("{name} carrier x")),
-        slide("z", "0 0 1", &format!("{name} carrier x"), &format!("{name} carrier z")),
-    )
-}
-
-/// The geometry of a box with these half edges.
-fn cuboid(half: [f64; 3]) -> String {
-    let [x, y, z] = half.map(|half| 2.0 * half);
-    format!(r#"<geometry><box size="{x} {y} {z}"/></geometry>"#)
+    let [x, z] = ["x", "z"].map(|axis| format!("{name} carrier {axis}"));
+    [
+        format!(r#"<link name="{x}"/><link name="{z}"/>"#),
+        link(name, mass, [inertia; 3], [0.0; 3], &format!("<collision>{shape}</collision>")),
+        joint("prismatic", ["world", &x], 0.0, [1.0, 0.0, 0.0]),
+        joint("prismatic", [&x, &z], 0.0, [0.0, 0.0, 1.0]),
+        joint("continuous", [&z, name], 0.0, [0.0, 1.0, 0.0]),
+    ]
+    .concat()
 }
 
 /// Moment of inertia of a uniform box about y.
 fn inertia_of(mass: f64, half: [f64; 3]) -> f64 {
-    mass * (half[0] * half[0] + half[2] * half[2]) / 3.0
-}
-
-fn chain(links: &str) -> Result<Chain, String> {
-    let text = format!(r#"<robot name="bodies"><link name="world"/>{links}</robot>"#);
-    Chain::from_urdf_str(&text, &LoadOptions::default()).map_err(said)
+    moments(mass, half)[1]
 }
 
 /// Compliant where the method is.
 fn rule(method: &str, restitution: f64, friction: f64) -> ContactRule {
-    let contact = ContactRule::new(Energetic { restitution, friction });
-    ContactRule { compliance: (method == COMPLIANT).then_some(Compliance::new(STIFFNESS)), ..contact }
+    with_method(method, bodies::rule(restitution, friction))
 }
 
 /// The chain over a floor, and with contacts between two of its links.
@@ -65,25 +40,14 @@ fn scene(
     floor: Option<ContactRule>,
     between: Option<([&str; 2], ContactRule)>,
 ) -> Result<Simulation, String> {
-    let mut touches = Vec::new();
-    if let Some(contact) = floor {
-        let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).map_err(said)?;
-        let surface = Surface { name: "floor".into(), obstacle, contact, motion: None };
-        let all = Touch::all(&chain, &[surface], 0.0).map_err(said)?.touches;
-        // The ends of the sliders are far away.
-        touches.extend(all.into_iter().filter(|touch| touch.link().is_some()));
-    }
+    let mut all = match floor {
+        Some(contact) => touches(&chain, vec![plane(Vector3::zeros(), Vector3::z())?], &contact)?,
+        None => Vec::new(),
+    };
     if let Some(([link, other], contact)) = between {
-        touches.extend(Touch::between(&chain, link, other, &contact).map_err(said)?);
+        all.extend(Touch::between(&chain, link, other, &contact).map_err(said)?);
     }
-    Ok(Simulation {
-        gravity: Vector3::new(0.0, 0.0, -G),
-        tolerance: 1e-12,
-        zeno_time: Simulation::zeno_time_for(1e-12),
-        contact_step: STEP,
-        stepping: method == STEPS,
-        ..Simulation::new(chain, touches)
-    })
+    Ok(Simulation { zeno_time: Simulation::zeno_time_for(1e-12), ..simulation(method, chain, all) })
 }
 
 /// Without time steps, unless these are the method.
@@ -98,16 +62,14 @@ pub fn wedge(method: &str) -> Judged {
     let (alpha, mu, [m, big]) = (0.4_f64, 0.2, [1.0, 3.0]);
     let (half, thick) = ([0.1, 0.1, 0.05], 0.05);
     let (s, c) = alpha.sin_cos();
-    let wedge = format!(
-        r#"<link name="wedge"><inertial><mass value="{big}"/>
-          <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
-          <collision><origin xyz="{} 0 {}" rpy="0 {alpha} 0"/>{}</collision></link>
-        <joint name="glide" type="prismatic"><parent link="world"/><child link="wedge"/><axis xyz="1 0 0"/>
-          <limit lower="-1e3" upper="1e3" effort="0" velocity="0"/></joint>"#,
+    let face = format!(
+        r#"<collision><origin xyz="{} 0 {}" rpy="0 {alpha} 0"/>{}</collision>"#,
         -thick * s,
         -thick * c,
         cuboid([1.0, 0.3, thick])
     );
+    let glide = joint("prismatic", ["world", "wedge"], 0.0, [1.0, 0.0, 0.0]);
+    let wedge = link("wedge", big, [1.0; 3], [0.0; 3], &face) + &glide;
     let block = body("block", [m, inertia_of(m, half)], &cuboid(half));
     let sim = scene(method, chain(&(wedge + &block))?, None, Some((["block", "wedge"], rule(method, 0.5, mu))))?;
     let (h, time) = (half[2], 0.3);
@@ -155,17 +117,8 @@ pub fn stack(method: &str) -> Judged {
 /// and friction turns it at a constant rate.
 pub fn wheels(method: &str) -> Judged {
     let (mass, inertia, r, mu, c, time) = (1.0, 0.004, 0.1, 0.2, 14.0, 0.8);
-    let wheel = |y: f64| {
-        format!(r#"<collision><origin xyz="0 {y} 0"/><geometry><sphere radius="{r}"/></geometry></collision>"#)
-    };
-    let text = format!(
-        r#"<robot name="wheels"><link name="wheels"><inertial><mass value="{mass}"/>
-        <inertia ixx="0.05" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="0.05"/></inertial>{}{}</link></robot>"#,
-        wheel(-0.2),
-        wheel(0.2)
-    );
-    let options = LoadOptions { floating_base: true, ..LoadOptions::default() };
-    let chain = Chain::from_urdf_str(&text, &options).map_err(said)?;
+    let shapes = sphere([0.0, -0.2, 0.0], r) + &sphere([0.0, 0.2, 0.0], r);
+    let chain = free(&link("wheels", mass, [0.05, inertia, 0.05], [0.0; 3], &shapes))?;
     let mut sim = scene(method, chain, Some(rule(method, 0.5, mu)), None)?;
     let rows = [[0.0; 6], [2.0 * c * time, 0.0, 0.0, 0.0, 0.0, 0.0]];
     let load = Load::Table(Profile::new(&[0.0, 2.0 * time], &rows).map_err(said)?);

@@ -6,6 +6,7 @@
 //! bound, an unexpected refusal, a failure that does not happen and a violated side condition are all a
 //! [`Verdict::Defect`]. All random numbers have fixed seeds.
 
+mod bodies;
 mod chains;
 mod definition;
 mod impulse_path;

@@ -1,73 +1,33 @@
 //! Motions: events, time steps, and compliant contacts.
 
+use super::bodies::{G, STIFFNESS, chain, free, joint, link, plane, rule, simulation, sphere, touches, with_method};
 use super::single::worse;
 use super::{COMPLIANT, EVENTS, Found, Judged, STEPS, runge_kutta, said};
 use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
-use carom_impact::Energetic;
-use carom_sim::{Compliance, ContactRule, EventKind, Holding, Simulation, Surface, Touch, Trajectory};
+use carom_sim::{Compliance, ContactRule, EventKind, Holding, Simulation, Trajectory};
 use nalgebra::{UnitQuaternion, Vector3};
-
-const G: f64 = 9.81;
-/// Where a scene does not say otherwise.
-pub const STEP: f64 = 1e-3;
-const STIFFNESS: f64 = 1e7;
-
-fn chain(text: &str) -> Result<Chain, String> {
-    Chain::from_urdf_str(text, &LoadOptions::default()).map_err(|e| e.to_string())
-}
 
 /// A ball of 1 kg and 0.1 m on sliders along the given axes.
 fn ball(axes: &[[f64; 3]]) -> Result<Chain, String> {
-    let mut text = r#"<robot name="ball"><link name="world"/>"#.to_owned();
-    for (k, [x, y, z]) in axes.iter().enumerate() {
-        let parent = if k == 0 { "world".to_owned() } else { format!("carrier{k}") };
-        let last = k + 1 == axes.len();
-        let child = if last { "ball".to_owned() } else { format!("carrier{}", k + 1) };
-        let body = r#"<inertial><mass value="1"/>
-            <inertia ixx="0.004" ixy="0" ixz="0" iyy="0.004" iyz="0" izz="0.004"/></inertial>
-            <collision><geometry><sphere radius="0.1"/></geometry></collision>"#;
-        text += &format!(
-            r#"<link name="{child}">{}</link>
-            <joint name="slide{k}" type="prismatic"><parent link="{parent}"/><child link="{child}"/>
-            <axis xyz="{x} {y} {z}"/><limit lower="-1e6" upper="1e6" effort="0" velocity="0"/></joint>"#,
-            if last { body } else { "" }
-        );
+    let mut elements = link("ball", 1.0, [0.004; 3], [0.0; 3], &sphere([0.0; 3], 0.1));
+    let carriers: Vec<String> = (1..axes.len()).map(|k| format!("carrier{k}")).collect();
+    let links: Vec<&str> = ["world"].into_iter().chain(carriers.iter().map(String::as_str)).chain(["ball"]).collect();
+    for (pair, axis) in links.windows(2).zip(axes) {
+        elements += &joint("prismatic", [pair[0], pair[1]], 0.0, *axis);
     }
-    chain(&(text + "</robot>"))
+    elements.extend(carriers.iter().map(|name| format!(r#"<link name="{name}"/>"#)));
+    chain(&elements)
 }
 
-/// Under gravity, with what each method needs.
-fn scene(
-    method: &str,
-    chain: Chain,
-    surface: Obstacle,
-    contact: ContactRule,
-    stiffness: f64,
-) -> Result<Simulation, String> {
-    // Hunt & Crossley's force; friction smoothed below 1e-3 m/s.
-    let compliance = Compliance::new(stiffness);
-    let contact = ContactRule { compliance: (method == COMPLIANT).then_some(compliance), ..contact };
-    let surface = Surface { name: "surface".into(), obstacle: surface, contact, motion: None };
-    let touches = Touch::all(&chain, &[surface], 0.0).map_err(said)?.touches;
-    // A slider's ends are far away.
-    let touches = touches.into_iter().filter(|touch| touch.link().is_some()).collect();
-    Ok(Simulation {
-        gravity: Vector3::new(0.0, 0.0, -G),
-        tolerance: 1e-12,
-        contact_step: STEP,
-        stepping: method == STEPS,
-        ..Simulation::new(chain, touches)
-    })
+/// A chain on one surface.
+fn scene(method: &str, chain: Chain, surface: Obstacle, contact: ContactRule) -> Result<Simulation, String> {
+    let touches = touches(&chain, vec![surface], &with_method(method, contact))?;
+    Ok(simulation(method, chain, touches))
 }
 
-fn plane(normal: Vector3<f64>) -> Result<Obstacle, String> {
-    Obstacle::half_space(Vector3::zeros(), normal).map_err(|e| e.to_string())
-}
-
-fn rule(restitution: f64, friction: f64) -> ContactRule {
-    ContactRule::new(Energetic { restitution, friction })
+fn ground(normal: Vector3<f64>) -> Result<Obstacle, String> {
+    plane(Vector3::zeros(), normal)
 }
 
 /// No finite damping gives a compliant contact a restitution of 0.
@@ -110,7 +70,7 @@ pub fn zeno(method: &str) -> Judged {
     let (mut error, mut late) = (0.0, 0.0);
     let mut rest = f64::NAN;
     for (e, until) in ZENO {
-        let sim = scene(method, ball(&[UP])?, plane(Vector3::z())?, rule(e, 0.0), STIFFNESS)?;
+        let sim = scene(method, ball(&[UP])?, ground(Vector3::z())?, rule(e, 0.0))?;
         let moved = run(&sim, &[1.1], &[0.0], until)?;
         for k in 0..=SAMPLES {
             let time = until * f64::from(k) / f64::from(SAMPLES);
@@ -239,16 +199,12 @@ fn six_impacts(q: f64, qd: f64, e: f64) -> f64 {
 
 /// A ball on a string of 1 m beside a wall. It strikes at the lowest point, where no force presses it to the wall.
 pub fn false_zeno(method: &str) -> Judged {
-    let pendulum = chain(
-        r#"<robot name="pendulum"><link name="frame"/><link name="ball">
-        <inertial><origin xyz="0 0 -1"/><mass value="1"/>
-        <inertia ixx="0.004" ixy="0" ixz="0" iyy="0.004" iyz="0" izz="0.004"/></inertial>
-        <collision><origin xyz="0 0 -1"/><geometry><sphere radius="0.1"/></geometry></collision></link>
-        <joint name="string" type="continuous"><parent link="frame"/><child link="ball"/><axis xyz="0 1 0"/></joint></robot>"#,
-    )?;
-    let wall = Obstacle::half_space(Vector3::new(-0.1, 0.0, 0.0), Vector3::x()).map_err(|e| e.to_string())?;
+    let end = [0.0, 0.0, -1.0];
+    let ball = link("ball", 1.0, [0.004; 3], end, &sphere(end, 0.1));
+    let pendulum = chain(&(ball + &joint("continuous", ["world", "ball"], 0.0, [0.0, 1.0, 0.0])))?;
+    let wall = plane(Vector3::new(-0.1, 0.0, 0.0), Vector3::x())?;
     let e = 0.5;
-    let sim = scene(method, pendulum, wall, rule(e, 0.0), STIFFNESS)?;
+    let sim = scene(method, pendulum, wall, rule(e, 0.0))?;
     // Half a period is about 1 s: six impacts and most of the seventh swing.
     let moved = run(&sim, &[-SWINGS.0], &[0.0], SWINGS.1)?;
     let zeno = moved.events.iter().any(|event| matches!(event.kind, EventKind::Zeno { .. }));
@@ -266,8 +222,8 @@ pub fn compliant_false_zeno(_: &str) -> Result<f64, String> {
 
 /// Thrown upward at a ceiling: the apex is `miss` below it (or above).
 pub fn grazing_flight(method: &str) -> Judged {
-    let ceiling = Obstacle::half_space(Vector3::new(0.0, 0.0, 1.0), -Vector3::z()).map_err(|e| e.to_string())?;
-    let sim = scene(method, ball(&[UP])?, ceiling, rule(0.5, 0.0), STIFFNESS)?;
+    let ceiling = plane(Vector3::new(0.0, 0.0, 1.0), -Vector3::z())?;
+    let sim = scene(method, ball(&[UP])?, ceiling, rule(0.5, 0.0))?;
     let mut wrong = 0.0;
     for k in 3..=12 {
         for miss in [10_f64.powi(-k), -10_f64.powi(-k)] {
@@ -287,7 +243,7 @@ pub fn grazing_flight(method: &str) -> Judged {
 const LOW: f64 = 0.02;
 
 pub fn ten_thousand_bounces(method: &str) -> Judged {
-    let mut sim = scene(method, ball(&[UP])?, plane(Vector3::z())?, rule(1.0, 0.0), STIFFNESS)?;
+    let mut sim = scene(method, ball(&[UP])?, ground(Vector3::z())?, rule(1.0, 0.0))?;
     let period = 2.0 * (2.0 * LOW / G).sqrt();
     if method == STEPS {
         sim.contact_step = SHORT_STEP;
@@ -338,8 +294,7 @@ fn slope_with(method: &str, tangential: Holding) -> Judged {
     let angle = 0.2_f64.atan();
     let (s, c) = angle.sin_cos();
     let normal = Vector3::new(s, 0.0, c);
-    let mut sim =
-        scene(method, ball(&[[1.0, 0.0, 0.0], UP])?, plane(normal)?, rule(inelastic(method), 0.3), STIFFNESS)?;
+    let mut sim = scene(method, ball(&[[1.0, 0.0, 0.0], UP])?, ground(normal)?, rule(inelastic(method), 0.3))?;
     for compliance in sim.touches.iter_mut().filter_map(|touch| touch.contact.compliance.as_mut()) {
         compliance.tangential = tangential;
     }
@@ -382,19 +337,18 @@ fn bristle_way() -> f64 {
 
 /// A rod in the plane of its motion, q = (x, z, angle), its lower end ahead.
 pub fn painleve(method: &str) -> Judged {
+    let shape = sphere([-0.5, 0.0, 0.0], 0.001);
     let rod = chain(
-        r#"<robot name="rod"><link name="world"/><link name="a"/><link name="b"/>
-        <link name="rod"><inertial><mass value="1"/>
-          <inertia ixx="0.08333333333333333" ixy="0" ixz="0" iyy="0.08333333333333333" iyz="0" izz="0.08333333333333333"/>
-          </inertial>
-          <collision><origin xyz="-0.5 0 0"/><geometry><sphere radius="0.001"/></geometry></collision></link>
-        <joint name="x" type="prismatic"><parent link="world"/><child link="a"/><axis xyz="1 0 0"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="z" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="turn" type="continuous"><parent link="b"/><child link="rod"/><axis xyz="0 1 0"/></joint></robot>"#,
+        &[
+            link("rod", 1.0, [1.0 / 12.0; 3], [0.0; 3], &shape),
+            r#"<link name="a"/><link name="b"/>"#.to_owned(),
+            joint("prismatic", ["world", "a"], 0.0, [1.0, 0.0, 0.0]),
+            joint("prismatic", ["a", "b"], 0.0, UP),
+            joint("continuous", ["b", "rod"], 0.0, [0.0, 1.0, 0.0]),
+        ]
+        .concat(),
     )?;
-    let sim = scene(method, rod, plane(Vector3::z())?, rule(inelastic(method), 1.5), STIFFNESS)?;
+    let sim = scene(method, rod, ground(Vector3::z())?, rule(inelastic(method), 1.5))?;
     let tilt = 60_f64.to_radians();
     let until = 0.3;
     // The compliant contact begins with a little overlap.
@@ -426,7 +380,8 @@ const SOON: f64 = 0.01;
 const JAM_ERROR: f64 = 0.3;
 
 pub fn stiffness(stiffness: f64) -> Judged {
-    let mut sim = scene(COMPLIANT, ball(&[UP])?, plane(Vector3::z())?, rule(0.5, 0.0), stiffness)?;
+    let mut sim = scene(COMPLIANT, ball(&[UP])?, ground(Vector3::z())?, rule(0.5, 0.0))?;
+    sim.touches.iter_mut().for_each(|touch| touch.contact.compliance = Some(Compliance::new(stiffness)));
     sim.gravity = Vector3::zeros();
     let moved = run(&sim, &[0.1], &[-1.0], 1.0)?;
     let e = moved.summary.last.qd[0];
@@ -443,7 +398,7 @@ pub fn stiffness(stiffness: f64) -> Judged {
 }
 
 pub fn time_step(step: f64) -> Judged {
-    let mut sim = scene(STEPS, ball(&[UP])?, plane(Vector3::z())?, rule(0.8, 0.0), STIFFNESS)?;
+    let mut sim = scene(STEPS, ball(&[UP])?, ground(Vector3::z())?, rule(0.8, 0.0))?;
     sim.contact_step = step;
     let moved = run(&sim, &[1.1], &[0.0], 3.0)?;
     let mut sum = 0.0;
@@ -456,12 +411,7 @@ pub fn time_step(step: f64) -> Judged {
 
 /// A free body of equal moments turns with constant angular velocity: the attitude is known at any time.
 pub fn quaternions() -> Judged {
-    let body = Chain::from_urdf_str(
-        r#"<robot name="body"><link name="body"><inertial><mass value="1"/>
-        <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link></robot>"#,
-        &LoadOptions { floating_base: true, ..LoadOptions::default() },
-    )
-    .map_err(|e| e.to_string())?;
+    let body = free(&link("body", 1.0, [1.0; 3], [0.0; 3], ""))?;
     let (step, count) = (1e-3, 1_000_000);
     let turning = Vector3::new(0.7, -1.1, 0.4);
     let qd = [0.0, 0.0, 0.0, turning.x, turning.y, turning.z];
