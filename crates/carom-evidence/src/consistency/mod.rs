@@ -3,12 +3,12 @@
 //!
 //! | symbol | meaning | here |
 //! | --- | --- | --- |
-//! | α | angle between the tip's velocity before the impact and the surface | [`Entry::angle_deg`] |
-//! | e | Newton's coefficient of restitution, eq. (11) | [`Entry::newton`] |
-//! | E | √(T⁺/T⁻), eq. (16); a ratio of kinetic energies, not Stronge's coefficient | [`Entry::energy_root`] |
-//! | h | tᵀHn / nᵀHn, with n into the surface and t along the approach | [`Branch::h`] |
-//! | D | det H / (nᵀHn)² > 0 | [`Branch::d`] |
-//! | Y | √((1−e²)/(1−E²) − 1) | [`Point::y`] |
+//! | α | angle between the tip's velocity before the impact and the surface | `Entry::angle_deg` |
+//! | e | Newton's coefficient of restitution, eq. (11) | `Entry::newton` |
+//! | E | √(T⁺/T⁻), eq. (16); a ratio of kinetic energies, not Stronge's coefficient | `Entry::energy_root` |
+//! | h | tᵀHn / nᵀHn, with n into the surface and t along the approach | `Branch::h` |
+//! | D | det H / (nᵀHn)² > 0 | `Branch::d` |
+//! | Y | √((1−e²)/(1−E²) − 1) | `Point::y` |
 //!
 //! With v⁻ = V (cos α, sin α) in (t, n) and `T = ½ vᵀH⁻¹v`, a frictionless impact with Newton's coefficient gives
 //!
@@ -22,7 +22,7 @@
 //! V-shaped function passes through all its intervals of Y.
 //!
 //! In (a, b) = (1/√D, h/√D) each interval is a pair of strips `|a cot α − b| ∈ [Y₁, Y₂]`, one for each side of the minimum.
-//! For n angles there are n + 1 assignments of the angles to the two sides, the [`Branch`]es. The admissible set of each is
+//! For n angles there are n + 1 assignments of the angles to the two sides, the `Branch`es. The admissible set of each is
 //! a convex polygon, computed by clipping, which is exact up to rounding of `f64`.
 //!
 //! The same h and e determine the tangential velocity after the impact, `v_t⁺ = V (cos α − h (1+e) sin α)`, eq. (15).

@@ -1,6 +1,7 @@
 //! The paper's figures: the data of each figure and its curves.
 
 use super::report::{Paper, Row, title};
+use super::simulated::TipState;
 use super::{ANGLES_DEG, Elbow, Run, SPEEDS};
 use crate::EvidenceError;
 use crate::consistency::v_plot;
@@ -113,8 +114,7 @@ impl Paper {
             curve
         };
         let dashed = |curve: Curve| Curve { dashed: true, ..curve };
-        let sampled =
-            |k: usize, of: fn(&super::TipState) -> (f64, f64)| self.motions[k].samples.iter().map(of).collect();
+        let sampled = |k: usize, of: fn(&TipState) -> (f64, f64)| self.motions[k].samples.iter().map(of).collect();
         let (mut curves, title, axes) = (Vec::new(), title(name), axes(name));
         match name {
             "fig4" => {

@@ -4,8 +4,8 @@
 //! | symbol | meaning | here |
 //! | --- | --- | --- |
 //! | α | angle between the tip's velocity before the impact and the surface; 90° is a normal impact | `angle_deg` |
-//! | n | the paper's normal, *into* the surface; [`NORMAL`] is −n, from the surface to the robot | [`NORMAL`] |
-//! | t | tangent, down the wall | [`TANGENT`] |
+//! | n | the paper's normal, *into* the surface; `NORMAL` is −n, from the surface to the robot | `NORMAL` |
+//! | t | tangent, down the wall | `TANGENT` |
 //! | h | tᵀHn / nᵀHn with the paper's n: reversal if h(1+e) > cot α, growth if h < 0 | [`Run::coupling`] |
 //!
 //! The tip meets a wall at x = 0.6364 m. The paper gives no geometry, joint angles or inertia. Arm and poses are those of
@@ -18,7 +18,6 @@ mod simulated;
 
 pub use claims::{Claim, claims};
 pub use report::{Paper, stand_in};
-use simulated::TipState;
 
 use crate::serialised_by_name;
 use carom_chain::Chain;
