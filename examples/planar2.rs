@@ -4,8 +4,12 @@
 //! `cargo run --example planar2`, then `rerun planar2.rrd`
 
 use carom::Chain;
-use carom::study::paper::{self, Run};
+use carom_evidence::paper::{self, Run};
 use std::fmt::Write;
+
+#[cfg(feature = "rerun")]
+#[path = "planar2/recording.rs"]
+mod recording;
 
 const URDF: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf");
 
@@ -50,29 +54,8 @@ fn line(run: &Run) -> String {
 
 #[cfg(feature = "rerun")]
 fn record(arm: &Chain, runs: &[Run]) -> Result<(), Box<dyn std::error::Error>> {
-    use carom::record::{Side, record_planar2};
-    use carom::sim::free_motion;
-    use carom::study::{Approach, tangential_map};
-    use nalgebra::{Vector2, Vector3};
-
-    let flat = arm.to_planar()?;
-    let tip = arm.frame("tip")?;
-    // The workspace around the wall, every centimetre.
-    let targets = || (0..110).flat_map(|i| (0..121).map(move |k| [-0.15 + 0.01 * i as f64, -0.6 + 0.01 * k as f64]));
-    let mut sides = Vec::new();
-    for run in runs.iter().filter(|r| r.speed == 0.2 && r.angle_deg == 45.0) {
-        let pose = run.elbow.pose();
-        // The arm moves in a horizontal plane, so gravity has no effect. The approach is integrated back in time.
-        let motion = |qd: &[f64], end: f64| free_motion(arm, &pose, qd, Vector3::zeros(), end, 151);
-        let mut before = motion(&run.qd_minus, -0.6)?;
-        before.reverse();
-        let after = motion(&run.hit.qd_plus, 0.6)?;
-        let approach = Approach { normal: -Vector2::x(), tangent: -Vector2::y(), restitution: run.restitution };
-        let map = tangential_map(&flat, tip, [0.45, 0.45], approach, run.elbow, targets())?;
-        sides.push(Side { run: run.clone(), before, after, map });
-    }
     let path = std::path::Path::new("planar2.rrd");
-    record_planar2(arm, &sides, &table(runs), path)?;
+    recording::record(arm, runs, &table(runs), path)?;
     println!("\nRecorded to {}: open it with `rerun {}`.", path.display(), path.display());
     Ok(())
 }

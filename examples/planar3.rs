@@ -69,6 +69,6 @@ fn line(pose: &SelfMotionPoint) -> String {
     let before = SPEED * 45_f64.to_radians().cos();
     let impulse = (1.0 + RESTITUTION) * mass * SPEED * 45_f64.to_radians().sin();
     let after = before + jump(pose);
-    let change = carom::study::paper::Tangential::of(before, after).name();
+    let change = carom_evidence::paper::Tangential::of(before, after).name();
     format!(" {} {mass:>11.4} {impulse:>10.4} {after:>10.4}  {change}", degrees.join(""))
 }

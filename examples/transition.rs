@@ -9,8 +9,8 @@ use carom::sim::{
     ContactMode, ContactRule, Drive, Event, EventKind, ImpactInvariant, Pd, Simulation, Surface, Touch, Trajectory,
     Transition,
 };
-use carom::study::paper::{Elbow, strike};
 use carom::{Chain, Energetic, SimError};
+use carom_evidence::paper::{Elbow, strike};
 
 const URDF: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf");
 const SPEED: f64 = 0.2;

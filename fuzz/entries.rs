@@ -1,15 +1,15 @@
 //! What a fuzzer feeds with bytes: the readers of every kind of input, and impacts at any state. Each function returns, whatever the
 //! bytes are: an input is accepted or refused with a message, and what is computed from an accepted one is finite or refused.
 //!
-//! The targets in `targets/` and the test `crates/carom-study/tests/mutated_inputs.rs` call the same functions.
+//! The targets in `targets/` and the test `crates/carom-evidence/tests/mutated_inputs.rs` call the same functions.
 
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Mesh;
+use carom_evidence::consistency::read_measured;
 use carom_impact::{Coefficients, LAW_NAMES, law_by_name};
 use carom_sim::Scene;
-use carom_study::Study;
-use carom_study::consistency::read_measured;
+use carom_study::map_study::Study;
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

@@ -5,10 +5,10 @@ use crate::fit::Bar;
 use crate::input::LoadArgs;
 use crate::output::{make_folder, to_json, write_whole};
 use crate::{files, output::answer};
-use carom_study::Horizon;
-use carom_study::compare::{
-    CompareError, CompareOptions, Comparison, TossCases, compare, data_sets, markdown, summary, svg, toss_cases,
+use carom_evidence::compare::{
+    CompareOptions, Comparison, TossCases, compare, data_sets, markdown, summary, svg, toss_cases,
 };
+use carom_study::Horizon;
 use clap::{Args, builder::PossibleValuesParser};
 use serde::Serialize;
 use std::io::{self, Write};
@@ -120,7 +120,6 @@ struct Report {
 
 impl CompareCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
-        let refuse = |e: CompareError| CliError::Scene(e.to_string());
         if let Some(folder) = &self.out {
             files::check_folder("--out", folder)?;
         }
@@ -141,11 +140,11 @@ impl CompareCommand {
         let load = self.load.options(true);
         let mut sets = Vec::new();
         for path in &self.data {
-            sets.extend(data_sets(path, &load).map_err(refuse)?);
+            sets.extend(data_sets(path, &load)?);
         }
         if let Some(file) = &self.export {
             let cases: Vec<Option<TossCases>> =
-                sets.iter().map(|set| toss_cases(set, &options).map_err(refuse)).collect::<Result<_, _>>()?;
+                sets.iter().map(|set| toss_cases(set, &options)).collect::<Result<_, _>>()?;
             let cases: Vec<TossCases> = cases.into_iter().flatten().collect();
             if cases.is_empty() {
                 return Err(CliError::Option("--export: none of the data sets has tosses".into()));
@@ -156,7 +155,7 @@ impl CompareCommand {
         let mut comparisons: Vec<Vec<Comparison>> = Vec::new();
         for set in &sets {
             let bar = Bar::new("steps");
-            comparisons.push(compare(set, &options, &|done, all, _| bar.tell(done, all)).map_err(refuse)?);
+            comparisons.push(compare(set, &options, &|done, all, _| bar.tell(done, all))?);
         }
         let report = |comparisons| Report { seed: self.seed, folds: self.folds, comparisons };
         let all: Vec<Comparison> = comparisons.concat();
@@ -167,7 +166,7 @@ impl CompareCommand {
                 let same = sets[..k].iter().filter(|set| set.name == sets[k].name).count();
                 let name = if same == 0 { sets[k].name.clone() } else { format!("{}-{}", sets[k].name, same + 1) };
                 write_whole(&folder.join(format!("{name}.md")), &markdown(one))?;
-                write_whole(&folder.join(format!("{name}.svg")), &svg(one).map_err(refuse)?)?;
+                write_whole(&folder.join(format!("{name}.svg")), &svg(one)?)?;
             }
             write_whole(&folder.join("summary.md"), &summary(&all))?;
             let json = to_json(&report(all.clone())).map_err(CliError::Output)?;

@@ -21,12 +21,9 @@ pub enum CliError {
     /// A table.
     #[error(transparent)]
     Table(#[from] carom_study::TableError),
-    /// Measurements; the message names their file.
+    /// A program of the evidence; the message names its file or folder.
     #[error(transparent)]
-    Measured(#[from] carom_study::consistency::MeasuredError),
-    /// The figures of the paper; the message names their folder.
-    #[error(transparent)]
-    Paper(#[from] carom_study::paper::PaperError),
+    Evidence(#[from] carom_evidence::EvidenceError),
     /// A file that cannot be written.
     #[error("{file}: cannot be written: {reason}")]
     Unwritable {
@@ -37,7 +34,7 @@ pub enum CliError {
     },
     /// A study or its map; the message names their files.
     #[error(transparent)]
-    Study(#[from] carom_study::StudyError),
+    Study(#[from] carom_study::map_study::StudyError),
     /// A map whose computation was interrupted.
     #[error(
         "interrupted after {rows} of {total} rows, which are in {}: run the same command with --resume to continue",

@@ -3,10 +3,10 @@
 use crate::error::CliError;
 use crate::files;
 use crate::output::answer;
-use carom_study::paper::{Paper, PaperError, stand_in};
+use carom_evidence::EvidenceError;
+use carom_evidence::paper::{Paper, stand_in};
 use clap::Args;
-use serde::Serialize;
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::PathBuf;
 
 /// Compute Figures 4 to 10 and Table I of Pagilla & Yu (2004) for the preset arm
@@ -34,87 +34,12 @@ pub struct PaperCommand {
     json: bool,
 }
 
-#[derive(Serialize)]
-struct Report<'a> {
-    arm: &'a str,
-    stand_in: bool,
-    files: Vec<String>,
-    claims: Vec<Claim<'a>>,
-    impacts: Vec<Impact>,
-}
-
-#[derive(Serialize)]
-struct Claim<'a> {
-    place: &'a str,
-    statement: &'a str,
-    confirmed: bool,
-    evidence: &'a str,
-}
-
-/// One impact of the experiment. Tangential: down the wall; normal: off the wall.
-#[derive(Serialize)]
-struct Impact {
-    elbow: &'static str,
-    speed: f64,
-    angle_deg: f64,
-    newton: f64,
-    tangential: [f64; 2],
-    normal: [f64; 2],
-    energy_loss: f64,
-    energy_root: f64,
-    coupling: f64,
-    change: &'static str,
-}
-
 impl PaperCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         files::check_folder("--out", &self.out)?;
-        let arm = stand_in().map_err(PaperError::from)?;
-        let paper = Paper::of(&arm)?;
+        let paper = Paper::of(&stand_in().map_err(EvidenceError::from)?)?;
         paper.write(&self.out)?;
-        let written = answer(out, &report(&paper), self.json, |report, out| for_people(report, &self.out, out));
+        let written = answer(out, &paper, self.json, |paper, out| paper.print(&self.out, out));
         written.map_err(|refused| CliError::refused(&self.out, refused))
     }
-}
-
-fn report(paper: &Paper) -> Report<'_> {
-    let impacts = paper.runs.iter().map(|run| Impact {
-        elbow: run.elbow.name(),
-        speed: run.speed,
-        angle_deg: run.angle_deg,
-        newton: run.restitution,
-        tangential: run.tangential().into(),
-        normal: run.normal().into(),
-        energy_loss: run.hit.energy_loss(),
-        energy_root: run.hit.energy_ratio().sqrt(),
-        coupling: run.coupling,
-        change: run.tangential_change().name(),
-    });
-    let claims = paper.claims.iter().map(|claim| Claim {
-        place: claim.place,
-        statement: &claim.statement,
-        confirmed: claim.holds,
-        evidence: &claim.evidence,
-    });
-    Report {
-        arm: &paper.arm,
-        stand_in: true,
-        files: Paper::files(),
-        claims: claims.collect(),
-        impacts: impacts.collect(),
-    }
-}
-
-fn for_people(report: &Report, folder: &std::path::Path, out: &mut dyn Write) -> io::Result<()> {
-    writeln!(out, "Claims of the paper, and whether {} confirms them (a stand-in, not the authors' arm):", report.arm)?;
-    for claim in &report.claims {
-        let verdict = if claim.confirmed { "yes" } else { "NO " };
-        writeln!(out, "  {verdict} {}", claim.statement)?;
-        writeln!(out, "      {}", claim.evidence)?;
-    }
-    writeln!(
-        out,
-        "Figures 4 to 10, Table I, the numbers behind them and the report: {}",
-        folder.join("report.md").display()
-    )
 }

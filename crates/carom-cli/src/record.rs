@@ -2,7 +2,8 @@
 
 use crate::error::CliError;
 use carom_sim::{Plan, Scene, Seen, Summary};
-use carom_study::{Diagram, Study};
+use carom_study::Diagram;
+use carom_study::map_study::Study;
 use clap::Args;
 use std::path::{Path, PathBuf};
 

@@ -4,7 +4,8 @@ use carom_chain::ChainError;
 use carom_impact::ImpactError;
 use carom_sim::SimError;
 use carom_study::fit::FitError;
-use carom_study::{StudyError, TableError, TossError};
+use carom_study::map_study::StudyError;
+use carom_study::{TableError, TossError};
 use pyo3::PyErr;
 
 /// The exceptions, defined in `python/carom/_errors.py`.

@@ -7,8 +7,8 @@ use crate::error::raise;
 use crate::table::Table;
 use crate::text::toml_text;
 use crate::threads::{on_all_cores, pool};
-use carom_study::map_study::{MapFile, Written};
-use carom_study::{Column, STUDY_KEY, StudyError};
+use carom_study::map_study::{MapFile, StudyError, Written};
+use carom_study::{Column, STUDY_KEY};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
@@ -24,7 +24,7 @@ use std::time::Duration;
 /// columns and the classes.
 #[pyclass(frozen, module = "carom")]
 pub struct Study {
-    study: Arc<carom_study::Study>,
+    study: Arc<carom_study::map_study::Study>,
 }
 
 impl Study {
@@ -89,14 +89,16 @@ impl Study {
     ///     UrdfError: an invalid robot.
     #[staticmethod]
     fn from_file(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        Ok(Self { study: Arc::new(py.detach(|| carom_study::Study::from_file(path)).map_err(raise)?) })
+        Ok(Self { study: Arc::new(py.detach(|| carom_study::map_study::Study::from_file(path)).map_err(raise)?) })
     }
 
     /// Reads a study from the text of a study file; file names in it are relative to `folder`. Errors as `from_file`.
     #[staticmethod]
     #[pyo3(signature = (text, folder=PathBuf::from(".")))]
     fn from_toml(py: Python<'_>, text: &str, folder: PathBuf) -> PyResult<Self> {
-        Ok(Self { study: Arc::new(py.detach(|| carom_study::Study::from_toml(text, folder)).map_err(raise)?) })
+        Ok(Self {
+            study: Arc::new(py.detach(|| carom_study::map_study::Study::from_toml(text, folder)).map_err(raise)?),
+        })
     }
 
     /// Reads a study from a dict with the keys of a study file; file names in it are relative to `folder`. Errors as `from_file`.

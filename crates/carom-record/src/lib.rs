@@ -11,16 +11,17 @@ mod lasting;
 mod layout;
 mod map;
 mod measures;
-mod planar2;
 mod scene;
 mod summary;
 mod target;
 
 pub use diagrams::record_diagrams;
 pub use map::{check_map, record_map};
-pub use planar2::{Side, record_planar2};
 pub use scene::SceneRecorder;
 pub use target::Target;
+
+#[doc(hidden)] // for the recording of the example planar2
+pub use rerun;
 
 use std::path::PathBuf;
 

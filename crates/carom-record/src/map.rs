@@ -10,8 +10,7 @@ use crate::bounds::{Bounds, Eye};
 use crate::layout::{self, Cursor, Tile};
 use crate::target::{Sink, Target};
 use carom_chain::{Chain, Spatial, Workspace};
-use carom_study::map_study::{Evaluator, Values};
-use carom_study::{Study, StudyError};
+use carom_study::map_study::{Evaluator, Study, StudyError, Values};
 use nalgebra::Vector3;
 
 /// Largest number of rows of a recording; each row is a point.

@@ -118,12 +118,12 @@ fn unwritable(file: &Part, reason: &str) -> RecordError {
 }
 
 /// Makes the temporary file of a recording.
-pub(crate) fn begin(path: &Path) -> Result<Part, RecordError> {
+fn begin(path: &Path) -> Result<Part, RecordError> {
     Part::unique(path).map_err(|e| RecordError::Unwritable { path: path.to_owned(), reason: e.to_string() })
 }
 
 /// Gives a complete recording its name.
-pub(crate) fn keep(file: Part) -> Result<(), RecordError> {
+fn keep(file: Part) -> Result<(), RecordError> {
     let path = file.path().to_owned();
     file.keep().map_err(|e| RecordError::Unwritable { path, reason: e.to_string() })
 }

@@ -1,7 +1,7 @@
 //! Recordings of impact maps: the file is complete or not there.
 
 use carom_record::{RecordError, Target, record_map};
-use carom_study::Study;
+use carom_study::map_study::Study;
 use carom_testing::files::Folder;
 use std::path::Path;
 

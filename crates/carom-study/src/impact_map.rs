@@ -1,6 +1,5 @@
 //! Maps of the tangential velocity ratio of a two-link arm over positions of its tip.
 
-use crate::paper::{Elbow, regular};
 use crate::self_motion::{check_lengths, two_link_pose};
 use carom_chain::{FrameId, PlanarChain};
 use carom_sim::SimError;
@@ -31,7 +30,7 @@ pub struct Approach {
 
 /// Computes v_t⁺/v_t⁻ of a frictionless impact of a two-link planar arm for the tip at each of `targets` (arm's plane, m). The
 /// links have the lengths `lengths`, m, begin at the world's origin and are along x at q = 0. Targets out of reach and singular
-/// poses are left out.
+/// poses are left out. `elbow` is +1 for an elbow to the left of (above) the line from base to tip, −1 for the other side.
 ///
 /// At 45° v_t⁺/v_t⁻ = 1 + (1+e) H_tn/H_nn, eq. (15) of Pagilla and Yu. At a regular pose each velocity
 /// of the tip belongs to joint velocities, and u⁺ = u⁻ + (1+e) H n/(nᵀHn).
@@ -43,7 +42,7 @@ pub fn tangential_map(
     tip: FrameId,
     lengths: [f64; 2],
     approach: Approach,
-    elbow: Elbow,
+    elbow: f64,
     targets: impl IntoIterator<Item = [f64; 2]>,
 ) -> Result<Vec<MapPoint>, SimError> {
     let chain = &flat.chain;
@@ -56,12 +55,13 @@ pub fn tangential_map(
     let mut workspace = chain.workspace();
     let mut map = Vec::new();
     for target in targets {
-        let Some(q) = two_link_pose(lengths, target, elbow.side()) else { continue };
+        let Some(q) = two_link_pose(lengths, target, elbow) else { continue };
         let mut kin = workspace.update(chain, &q)?;
         let response = kin.contact(point, normal, &[])?;
         let tip = response.position;
         check_lengths(chain.name(), &lengths, target, tip.into())?;
-        if regular(Matrix2::from_columns(response.jacobian)).is_none() {
+        let jacobian = Matrix2::from_columns(response.jacobian);
+        if jacobian.determinant().abs() <= 1e-12 * jacobian.norm_squared() {
             continue;
         }
         let impulse = (1.0 + restitution) / response.mobility;

@@ -2,8 +2,8 @@
 
 use base64::Engine;
 use carom_chain::Chain;
-use carom_study::map_study::CLASSES;
-use carom_study::{Study, StudyError, self_motion};
+use carom_study::map_study::{CLASSES, Study, StudyError};
+use carom_study::self_motion;
 use nalgebra::Vector3;
 
 fn study(text: &str) -> Study {

@@ -1,8 +1,7 @@
 //! The book's page on study files names every key, quantity and class that the parser accepts, and no other.
 #![cfg(unix)]
 
-use carom_study::Study;
-use carom_study::map_study::CLASSES;
+use carom_study::map_study::{CLASSES, Study};
 use carom_testing::files;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

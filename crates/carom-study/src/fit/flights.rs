@@ -56,8 +56,8 @@ const FEWEST: usize = 2;
 /// (world frame, m/s²). Each flight has at least two samples; mistracked samples are left out ([`Joined::outliers`]). Positions of continuous joints may wrap at ±π.
 ///
 /// # Errors
-/// [`FitError::Sizes`], [`FitError::NotFinite`], [`FitError::Times`], [`FitError::Overlap`]: too few, non-finite or unordered
-/// samples; [`FitError::Chain`]: poses that do not fit the chain; [`FitError::NotJoined`]: no convergence.
+/// [`FitError::Input`]: too few, non-finite or unordered samples; [`FitError::Chain`]: poses that do not fit the chain;
+/// [`FitError::NotConverged`].
 pub fn join_flights(chain: &Chain, gravity: Vector3<f64>, before: &Flight, after: &Flight) -> Result<Joined, FitError> {
     let mut pair = Pair::new(chain, gravity, before, after)?;
     let z = pair.robust(pair.start()?)?;
@@ -65,7 +65,11 @@ pub fn join_flights(chain: &Chain, gravity: Vector3<f64>, before: &Flight, after
     let (z, settled) = pair.solve(z, Cost::SQUARES, SETTLED)?;
     let rest = pair.residual(&z)?;
     if !settled {
-        return Err(FitError::NotJoined { steps: MOST_STEPS, rest: rms(&rest) });
+        return Err(FitError::NotConverged(format!(
+            "no impact joins the two flights: the fit of pose, velocities and time did not converge in {MOST_STEPS} steps; its \
+             residual is {} m",
+            rms(&rest)
+        )));
     }
     pair.joined(&z, &rest, outliers)
 }
@@ -86,17 +90,22 @@ impl<'a> Pair<'a> {
         for (which, flight) in [("before", before), ("after", after)] {
             let (found, needed) = (flight.poses.len(), flight.times.len());
             if found != needed {
-                return Err(FitError::Sizes { what: "poses of a flight, one for each time", found, needed });
+                let what = "poses of a flight, one for each time";
+                return Err(FitError::Input(format!("{what}: {found}, but {needed} are needed")));
             }
             if found < 2 {
-                return Err(FitError::Sizes { what: "samples of a flight (two or more)", found, needed: 2 });
+                let what = "samples of a flight (two or more)";
+                return Err(FitError::Input(format!("{what}: {found}, but 2 are needed")));
             }
             if let Some(&value) = flight.times.iter().find(|t| !t.is_finite()) {
-                return Err(FitError::NotFinite { what: "the list of a flight's times", value });
+                return Err(FitError::not_finite("the list of a flight's times", value));
             }
             for pair in flight.times.windows(2) {
                 if pair[1] <= pair[0] {
-                    return Err(FitError::Times { which, time: pair[1], before: pair[0] });
+                    return Err(FitError::Input(format!(
+                        "the times of the flight {which} the impact must ascend: {} s follows {} s",
+                        pair[1], pair[0]
+                    )));
                 }
             }
             for pose in &flight.poses {
@@ -105,7 +114,9 @@ impl<'a> Pair<'a> {
         }
         let (end, start) = (before.times[before.times.len() - 1], after.times[0]);
         if start <= end {
-            return Err(FitError::Overlap { end, start });
+            return Err(FitError::Input(format!(
+                "the flight before the impact ends at {end} s and the flight after it begins at {start} s: it must begin later"
+            )));
         }
         let mut poses: Vec<Vec<f64>> = before.poses.iter().chain(&after.poses).cloned().collect();
         unwrap(chain, &mut poses);
@@ -223,7 +234,7 @@ impl Samples for Pair<'_> {
 /// The lowest point of the robot's collision shapes along `normal` (world frame) at configuration `q`.
 ///
 /// # Errors
-/// [`FitError::NoShape`] for a robot without shapes; [`FitError::Simulation`] for an invalid shape or normal;
+/// [`FitError::Input`] for a robot without shapes; [`FitError::Simulation`] for an invalid shape or normal;
 /// [`FitError::Chain`] for a configuration that does not fit the chain.
 pub fn lowest_point(chain: &Chain, q: &[f64], normal: impl Into<Vector3<f64>>) -> Result<FramePoint, FitError> {
     let plane = Obstacle::half_space(Vector3::zeros(), normal.into()).map_err(SimError::from)?;
@@ -235,7 +246,10 @@ pub fn lowest_point(chain: &Chain, q: &[f64], normal: impl Into<Vector3<f64>>) -
         (shape.frame(), gap(shape, &pose, &plane), pose)
     });
     let lowest = lowest.min_by(|a, b| a.1.distance.total_cmp(&b.1.distance));
-    let (frame, gap, pose) = lowest.ok_or(FitError::NoShape)?;
+    let (frame, gap, pose) = lowest.ok_or_else(|| {
+        let rule = "the robot has no collision shape to compute the contact point from: give the contact point";
+        FitError::Input(rule.into())
+    })?;
     Ok(FramePoint::new(frame, pose.inverse().point(gap.on_robot)))
 }
 

@@ -14,7 +14,7 @@
 use super::bound::least_residual;
 use super::error::FitError;
 use carom_chain::{Chain, FramePoint};
-use carom_impact::{Coefficients, ImpactError, ImpactProblem, LAW_NAMES, Law, law_by_name};
+use carom_impact::{Coefficients, ImpactError, ImpactProblem, Law, law_by_name};
 use carom_sim::Impacts;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
 
@@ -56,7 +56,7 @@ impl MeasuredImpact {
     /// contact axes (tangent, normal).
     ///
     /// # Errors
-    /// [`FitError::Impact`] for an invalid matrix or velocity, [`FitError::NotFinite`], and [`FitError::NoApproach`] if
+    /// [`FitError::Impact`] for an invalid matrix or velocity, [`FitError::Input`], and [`FitError::NoApproach`] if
     /// u_n⁻ ≥ 0.
     pub fn in_plane(
         delassus: SMatrix<f64, 2, 2>,
@@ -87,7 +87,7 @@ impl MeasuredImpact {
         problem: Problem,
     ) -> Result<Self, FitError> {
         if let Some(&value) = u_plus.iter().find(|x| !x.is_finite()) {
-            return Err(FitError::NotFinite { what: "u_plus", value });
+            return Err(FitError::not_finite("u_plus", value));
         }
         let jump = DVector::from_column_slice((u_plus - numbers.u_minus()).as_slice());
         let reach = DMatrix::from_column_slice(D, D, numbers.delassus().as_slice());
@@ -98,7 +98,8 @@ impl MeasuredImpact {
     /// of the contact Jacobian, and its velocities before and after (m/s, m/s, rad/s). The residual is that of a chain.
     ///
     /// # Errors
-    /// As [`MeasuredImpact::in_plane`]; [`FitError::Setting`] for a mass or moment of inertia that is not positive.
+    /// As [`MeasuredImpact::in_plane`]; [`FitError::Input`] for a mass or moment of inertia that is not positive.
+    #[doc(hidden)] // for carom-evidence
     pub fn of_planar_body(
         (mass, inertia): (f64, f64),
         rows: [Vector3<f64>; 2],
@@ -107,11 +108,11 @@ impl MeasuredImpact {
     ) -> Result<Self, FitError> {
         for (what, value) in [("mass", mass), ("moment of inertia", inertia)] {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(FitError::Setting { what, value, rule: "it must be positive and finite" });
+                return Err(FitError::setting(what, value, "it must be positive and finite"));
             }
         }
         if let Some(&value) = before.iter().chain(after.iter()).find(|x| !x.is_finite()) {
-            return Err(FitError::NotFinite { what: "a velocity", value });
+            return Err(FitError::not_finite("a velocity", value));
         }
         let jacobian = SMatrix::<f64, 2, 3>::from_rows(&[rows[0].transpose(), rows[1].transpose()]);
         let inverse = SMatrix::<f64, 3, 3>::from_diagonal(&Vector3::new(1.0 / mass, 1.0 / mass, 1.0 / inertia));
@@ -222,11 +223,11 @@ impl LawPair {
     /// The law `name`, one of [`LAW_NAMES`], with the given coefficients.
     ///
     /// # Errors
-    /// [`FitError::UnknownLaw`] for any other name.
+    /// [`FitError::Input`] for any other name.
     pub fn new(name: &str, coefficients: Coefficients) -> Result<Self, FitError> {
         let both = (law_by_name::<2>(name, coefficients), law_by_name::<3>(name, coefficients));
         let (Some(plane), Some(space)) = both else {
-            return Err(FitError::UnknownLaw { name: name.into(), known: LAW_NAMES.join(", ") });
+            return Err(FitError::unknown_law(name));
         };
         Ok(Self { plane, space })
     }

@@ -88,12 +88,12 @@ const FEWEST: usize = 3;
 /// samples, at least 3, by least squares: no motor torques, no damping. Mistracked samples are left out.
 ///
 /// # Errors
-/// [`FitError::Sizes`]: too few samples; [`FitError::Chain`]: poses that do not fit the chain; [`FitError::NotFlown`]: no
-/// convergence.
+/// [`FitError::Input`]: too few samples; [`FitError::Chain`]: poses that do not fit the chain; [`FitError::NotConverged`].
 pub fn launch(chain: &Chain, gravity: Vector3<f64>, flight: &Flight) -> Result<Launched, FitError> {
     let (found, needed) = (flight.times.len().min(flight.poses.len()), FEWEST);
     if found < needed {
-        return Err(FitError::Sizes { what: "samples of a flight (three or more)", found, needed });
+        let what = "samples of a flight (three or more)";
+        return Err(FitError::Input(format!("{what}: {found}, but {needed} are needed")));
     }
     let mut poses = flight.poses.clone();
     unwrap(chain, &mut poses);
@@ -129,7 +129,10 @@ impl Flown<'_> {
     fn launched(&self, z: &DVector<f64>, settled: bool, outliers: Vec<f64>) -> Result<Launched, FitError> {
         let rest = self.residual(z)?;
         if !settled {
-            return Err(FitError::NotFlown { steps: MOST_STEPS, rest: rms(&rest) });
+            return Err(FitError::NotConverged(format!(
+                "the fit of the flight did not converge in {MOST_STEPS} steps; its residual is {} m",
+                rms(&rest)
+            )));
         }
         let slopes = self.slopes(z, &rest)?;
         // Noise of its own in each coordinate, which two unknowns describe: (SᵀS)⁻¹Sᵀ = R⁻¹Qᵀ with S = Q R

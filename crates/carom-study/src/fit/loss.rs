@@ -64,7 +64,8 @@ impl Cost {
 }
 
 /// Median (of an even number of values, the mean of the middle two); 0 without values.
-pub(crate) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+#[doc(hidden)] // for carom-evidence
+pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.into_iter().collect();
     sorted.sort_by(f64::total_cmp);
     match sorted.len() {

@@ -33,6 +33,7 @@ mod velocities;
 pub use error::FitError;
 pub use flights::{Flight, Joined, join_flights, lowest_point, toss_flights};
 pub use jumps::{ChainJump, LawPair, MeasuredImpact};
+#[doc(hidden)] // for carom-evidence, and under test
 pub use launch::{Launched, launch};
 pub use loss::Loss;
 pub use trajectories::fit_trajectories;
@@ -40,8 +41,10 @@ pub use velocities::fit_velocities;
 
 use carom_impact::LAW_NAMES;
 
-pub(crate) use loss::median;
-pub(crate) use search::Region;
+#[doc(hidden)] // for carom-evidence
+pub use loss::median;
+#[doc(hidden)] // for carom-evidence
+pub use search::Region;
 
 /// Options of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -235,13 +238,17 @@ const NAMES: [&str; 3] = ["restitution", "friction", "inertia scale"];
 impl FitOptions<'_> {
     fn check(&self) -> Result<(), FitError> {
         if !LAW_NAMES.contains(&self.law) {
-            return Err(FitError::UnknownLaw { name: self.law.into(), known: LAW_NAMES.join(", ") });
+            return Err(FitError::unknown_law(self.law));
         }
         if self.law == "frictionless" {
             let known: Vec<&str> = LAW_NAMES.into_iter().filter(|&name| name != self.law).collect();
-            return Err(FitError::NoFriction { name: self.law.into(), known: known.join(", ") });
+            return Err(FitError::Input(format!(
+                "the law '{}' has no coefficient of friction to fit: choose one of {}",
+                self.law,
+                known.join(", ")
+            )));
         }
-        let refuse = |what, value, rule| Err(FitError::Setting { what, value, rule });
+        let refuse = |what, value, rule| Err(FitError::setting(what, value, rule));
         if !(self.max_friction > 0.0 && self.max_friction <= 100.0) {
             return refuse("largest friction", self.max_friction, "it must be above 0 and at most 100");
         }
@@ -264,7 +271,10 @@ impl FitOptions<'_> {
         let found = ((all as f64 * self.train).round() as usize).min(all);
         let needed = parameters + 1;
         if found < needed {
-            return Err(FitError::TooFew { found, all, of, parameters, needed });
+            return Err(FitError::Input(format!(
+                "{found} of {all} {of} are selected to fit {parameters} coefficients, but at least {needed} are needed: record \
+                 more, or train on a larger share of them"
+            )));
         }
         let mut order: Vec<usize> = (0..all).collect();
         fastrand::Rng::with_seed(self.seed).shuffle(&mut order);

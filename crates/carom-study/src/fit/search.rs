@@ -7,8 +7,9 @@ use argmin::core::{CostFunction, Error, Executor, State};
 use argmin::solver::neldermead::NelderMead;
 
 /// The box that is searched, and the grid of starting points.
+#[doc(hidden)] // for carom-evidence
 #[derive(Debug, Clone)]
-pub(crate) struct Region {
+pub struct Region {
     /// Lowest and highest value of each coefficient.
     pub bounds: Vec<(f64, f64)>,
     /// Values of each coefficient on the grid.

@@ -35,7 +35,7 @@ pub fn fit_trajectories(
     options.check()?;
     let positive = |what, value: f64| {
         let rule = "it must be positive and finite";
-        if value > 0.0 && value.is_finite() { Ok(()) } else { Err(FitError::Setting { what, value, rule }) }
+        if value > 0.0 && value.is_finite() { Ok(()) } else { Err(FitError::setting(what, value, rule)) }
     };
     positive("length of the error measure", roll.length)?;
     positive("tolerance", roll.tolerance)?;

@@ -59,6 +59,7 @@ const FEWEST: usize = 4;
 impl Tosses {
     /// The start of the roll-out of each toss, in the order of the tosses. A start is that of the table if the flight has
     /// fewer than four samples, if its fit does not converge, and if the fitted pose overlaps the floor.
+    #[doc(hidden)] // for carom-evidence
     pub fn launches(&self, start: Start) -> Vec<Result<Launch, TossError>> {
         self.tosses.par_iter().map(|toss| self.launch(toss, start)).collect()
     }
@@ -101,7 +102,8 @@ impl Launch {
 
     /// The start for other inertias, places and friction of the joints: a fitted state is fitted again, to the same samples. A
     /// state of the table, and one whose fit does not converge, is kept.
-    pub(crate) fn refitted(&self, chain: &Chain, toss: &Toss) -> Self {
+    #[doc(hidden)] // for carom-evidence
+    pub fn refitted(&self, chain: &Chain, toss: &Toss) -> Self {
         let Some(old) = &self.fitted else { return self.clone() };
         let flight = self.flight(toss);
         let count = flight.times.len();

@@ -101,11 +101,14 @@ impl Tosses {
 }
 
 /// Gravity of all tosses, m/s².
-pub(crate) const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
+#[doc(hidden)] // for carom-evidence
+pub const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
 /// A robot above a horizontal floor, and how it is measured.
+#[doc(hidden)] // for carom-evidence
 #[derive(Debug, Clone)]
-pub(crate) struct Scene {
+pub struct Scene {
+    /// The robot.
     pub chain: Chain,
     /// Height of the floor, m.
     pub floor: f64,
@@ -122,7 +125,8 @@ fn on_floor(Scene { chain, floor, .. }: &Scene, contact: &ContactRule) -> Result
 }
 
 /// The file of the robot in a folder of tosses: `robot`, or the only URDF.
-pub(crate) fn urdf_of(folder: &Path, robot: Option<&str>) -> Result<PathBuf, TossError> {
+#[doc(hidden)] // for carom-evidence
+pub fn urdf_of(folder: &Path, robot: Option<&str>) -> Result<PathBuf, TossError> {
     let refuse = |reason: String| TossError::File { file: folder.to_owned(), reason };
     robot.map_or_else(|| only_urdf(folder).map_err(refuse), |name| Ok(folder.join(name)))
 }
@@ -143,7 +147,8 @@ fn only_urdf(folder: &Path) -> Result<PathBuf, String> {
 }
 
 /// The number in a column of a record of a table.
-pub(crate) fn finite(record: &StringRecord, header: &StringRecord, line: usize, column: usize) -> Result<f64, String> {
+#[doc(hidden)] // for carom-evidence
+pub fn finite(record: &StringRecord, header: &StringRecord, line: usize, column: usize) -> Result<f64, String> {
     let text = record.get(column).unwrap_or("").trim();
     let number = text.parse::<f64>().ok().filter(|x| x.is_finite());
     number.ok_or_else(|| format!("line {line}, column {}: '{text}' is not a finite number", &header[column]))

@@ -110,7 +110,8 @@ impl Tosses {
 
 impl Launch {
     /// Index of the last measured sample of a part of the toss; `None` if the toss has no such part.
-    pub(crate) fn end(&self, toss: &Toss, horizon: Horizon) -> Option<usize> {
+    #[doc(hidden)] // for carom-evidence
+    pub fn end(&self, toss: &Toss, horizon: Horizon) -> Option<usize> {
         let last = toss.samples.len() - 1;
         match horizon {
             Horizon::Whole => Some(last),
@@ -123,7 +124,8 @@ impl Launch {
 
     /// Simulates the toss from this start. With [`Horizon::Early`] the simulation ends with this part, if there is one, and the
     /// errors are those up to there.
-    pub(crate) fn roll_out(
+    #[doc(hidden)] // for carom-evidence
+    pub fn roll_out(
         &self,
         scene: &Scene,
         toss: &Toss,
@@ -160,7 +162,8 @@ impl Launch {
 
     /// The residuals of a roll-out, whose squares sum up to [`RollOut::error`] of the part: for each sample |Δp|/√`length` in
     /// world axes, the rotation vector, and the joint, over the square root of the number of samples.
-    pub(crate) fn residual(
+    #[doc(hidden)] // for carom-evidence
+    pub fn residual(
         &self,
         scene: &Scene,
         toss: &Toss,
@@ -175,7 +178,8 @@ impl Launch {
     }
 
     /// The simulated states at the samples from the start to the sample `last`, and the number of events.
-    pub(crate) fn simulate(
+    #[doc(hidden)] // for carom-evidence
+    pub fn simulate(
         &self,
         scene: &Scene,
         toss: &Toss,
@@ -223,7 +227,8 @@ impl RollOut {
     }
 
     /// The error of a part of the toss.
-    pub(crate) fn error(&self, horizon: Horizon, length: f64) -> Option<f64> {
+    #[doc(hidden)] // for carom-evidence
+    pub fn error(&self, horizon: Horizon, length: f64) -> Option<f64> {
         match horizon {
             Horizon::Whole => Some(self.pose_error(length)),
             Horizon::Early => self.early_error(length),
@@ -254,7 +259,9 @@ fn apart(a: &Moment, b: &Moment, length: f64) -> Vec<f64> {
 }
 
 impl PoseError {
-    pub(crate) fn between(a: &Moment, b: &Moment) -> Self {
+    /// The differences of two poses.
+    #[doc(hidden)] // for carom-evidence
+    pub fn between(a: &Moment, b: &Moment) -> Self {
         let joints = a.q[7..].iter().zip(&b.q[7..]);
         Self {
             position: (place(a) - place(b)).norm(),
@@ -263,14 +270,17 @@ impl PoseError {
         }
     }
 
-    pub(crate) fn mean(errors: &[Self], of: fn(f64) -> f64) -> Self {
+    /// The mean of a function of each component.
+    #[doc(hidden)] // for carom-evidence
+    pub fn mean(errors: &[Self], of: fn(f64) -> f64) -> Self {
         let count = errors.len() as f64;
         let mean = |part: fn(&Self) -> f64| errors.iter().map(|e| of(part(e))).sum::<f64>() / count;
         Self { position: mean(|e| e.position), rotation: mean(|e| e.rotation), joint: mean(|e| e.joint) }
     }
 
     /// The measure of [`RollOut::pose_error`] of mean squares.
-    pub(crate) fn measure(&self, length: f64) -> f64 {
+    #[doc(hidden)] // for carom-evidence
+    pub fn measure(&self, length: f64) -> f64 {
         self.position / length + self.rotation + self.joint
     }
 }

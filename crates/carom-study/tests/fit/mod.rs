@@ -1,20 +1,19 @@
 //! Fits of coefficients to velocity jumps: recovery of known coefficients, and coverage of the confidence intervals.
 
-mod compare;
+mod thrown;
 mod trajectories;
 
-use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, uniform_chain};
-use carom_impact::{Coefficients, ImpactProblem, LAW_NAMES, Law, law_by_name};
-use carom_sim::{Impacts, Moment, free_motion_at};
+use carom_impact::{ImpactProblem, LAW_NAMES, law_by_name};
+use carom_sim::{Impacts, free_motion_at};
 use carom_study::fit::{
     ChainJump, Fit, FitError, FitOptions, Flight, Interval, LawPair, Loss, MeasuredImpact, fit_trajectories,
     fit_velocities, join_flights, launch, lowest_point,
 };
-use carom_study::{RollOutOptions, Start, Toss, Tosses};
+use carom_study::{RollOutOptions, Start, Tosses};
 use fastrand::Rng;
 use nalgebra::{DVector, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
-use std::f64::consts::PI;
+use thrown::{GRAVITY, close, load, normal, rough, thrown, tossed};
 
 const QUIET: &(dyn Fn(usize, usize) + Sync) = &|_, _| {};
 /// Options without a test set.
@@ -28,11 +27,6 @@ const ALL: FitOptions = FitOptions {
     confidence: 0.95,
 };
 
-fn normal(rng: &mut Rng) -> f64 {
-    // Box–Muller method
-    (-2.0 * (1.0 - rng.f64()).ln()).sqrt() * (2.0 * PI * rng.f64()).cos()
-}
-
 fn noise<const D: usize>(rng: &mut Rng, sigma: f64) -> SVector<f64, D> {
     SVector::from_fn(|_, _| sigma * normal(rng))
 }
@@ -44,10 +38,6 @@ fn problem<const D: usize>(rng: &mut Rng) -> (SMatrix<f64, D, D>, SVector<f64, D
     let mut u = SVector::from_fn(|_, _| 4.0 * (rng.f64() - 0.5));
     u[D - 1] = -0.3 - rng.f64();
     (h, u)
-}
-
-fn rough(restitution: f64, friction: f64) -> Coefficients {
-    Coefficients { restitution, friction, ..Coefficients::default() }
 }
 
 fn after<const D: usize>(law: &str, e: f64, mu: f64, h: SMatrix<f64, D, D>, u: SVector<f64, D>) -> SVector<f64, D> {
@@ -72,10 +62,6 @@ fn in_space(law: &str, e: f64, mu: f64, n: usize, sigma: f64, rng: &mut Rng) -> 
 }
 
 #[track_caller]
-fn close(what: &str, x: f64, expected: f64, within: f64) {
-    assert!((x - expected).abs() <= within, "{what}: {x} instead of {expected}, off by {:e}", x - expected);
-}
-
 fn values(fit: &Fit) -> Vec<f64> {
     fit.coefficients.iter().map(|c| c.value).collect()
 }

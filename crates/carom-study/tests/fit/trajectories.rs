@@ -2,19 +2,6 @@
 
 use super::*;
 
-pub(super) fn load(robot: &str) -> Chain {
-    let file = format!("{}/../../robots/{robot}.urdf", env!("CARGO_MANIFEST_DIR"));
-    Chain::from_urdf_file_with(file, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap()
-}
-
-fn tossed(rng: &mut Rng) -> (Vec<f64>, Vec<f64>) {
-    let mut wide = |size: f64| size * (2.0 * rng.f64() - 1.0);
-    let turn = nalgebra::UnitQuaternion::from_euler_angles(wide(3.0), wide(1.5), wide(3.0));
-    let q = vec![wide(1.0), wide(1.0), 0.2, turn.i, turn.j, turn.k, turn.w];
-    let qd = (0..6).map(|k| if k < 3 { wide(2.0) } else { wide(10.0) }).collect();
-    (q, qd)
-}
-
 #[test]
 fn a_fit_recovers_the_scale_of_inertia() {
     let nominal = load("box");
@@ -65,8 +52,6 @@ fn flights(chain: &Chain, q: &[f64], qd: [&[f64]; 2], sigma: f64, rng: &mut Rng)
     };
     (fly(qd[0], -1.0), fly(qd[1], 1.0))
 }
-
-const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
 #[test]
 fn exact_flights_give_time_pose_and_velocities_of_the_impact() {
@@ -277,43 +262,6 @@ fn a_fitted_start_does_not_need_the_velocities_of_the_table() {
         // after t seconds the position is off by at most 0.1 t, and by that in flight: the early part ends before 0.4 s
         assert!(early < 0.1_f64.powi(2) * 0.4_f64.powi(2) / 0.0524);
     }
-}
-
-/// The samples of a motion above the floor z = 0.
-pub(super) fn rolled(
-    chain: &Chain,
-    law: carom_impact::Energetic,
-    q: &[f64],
-    qd: &[f64],
-    every: f64,
-    duration: f64,
-) -> Vec<Moment> {
-    let obstacle = carom_contact::Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let contact = carom_sim::ContactRule::new(law);
-    let floor = carom_sim::Surface { name: "floor".into(), obstacle, contact, motion: None };
-    let touches = carom_sim::Touch::all(chain, &[floor], 0.0).unwrap().touches;
-    let simulation = carom_sim::Simulation { gravity: GRAVITY, ..carom_sim::Simulation::new(chain.clone(), touches) };
-    let mut samples: Vec<Moment> = Vec::new();
-    let sampling = carom_sim::Sampling { every: Some(every), dense: false };
-    let mut keep = |seen: carom_sim::Seen| {
-        if let carom_sim::Seen::Moment(moment) = seen {
-            samples.push(moment.clone());
-        }
-    };
-    simulation.stream(q, qd, duration, sampling, &mut keep).unwrap();
-    samples
-}
-
-/// Tosses of a chain above the floor z = 0, computed with a law and sampled every 10 ms for 0.5 s.
-pub(super) fn thrown(chain: &Chain, law: carom_impact::Energetic, rng: &mut Rng, count: i64) -> Vec<Toss> {
-    let one = |number| {
-        let (mut q, mut qd) = tossed(rng);
-        q[2] = 0.15 + 0.1 * rng.f64();
-        qd[2] *= 0.2;
-        let samples = rolled(chain, law, &q, &qd, 0.01, 0.5);
-        Toss { number, samples }
-    };
-    (0..count).map(one).collect()
 }
 
 /// A ball with spin is thrown at the floor: the bounces identify restitution, the change of spin identifies friction.

@@ -1,8 +1,7 @@
 //! Files of impact maps: their bytes do not depend on threads, interruptions or shards.
 
 use crate::map_study::study_in;
-use carom_study::map_study::{MapFile, Written};
-use carom_study::{Study, StudyError};
+use carom_study::map_study::{MapFile, Study, StudyError, Written};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

@@ -4,7 +4,7 @@
 mod files;
 mod rows;
 
-use carom_study::Study;
+use carom_study::map_study::Study;
 use std::path::{Path, PathBuf};
 
 fn robot(name: &str) -> String {

@@ -4,8 +4,7 @@ use crate::map_study::{robot, study};
 use carom_chain::Chain;
 use carom_impact::{Coefficients, law_by_name};
 use carom_sim::{ChainImpact, Impacts};
-use carom_study::Study;
-use carom_study::map_study::{CLASSES, Evaluator};
+use carom_study::map_study::{CLASSES, Evaluator, Study};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
