@@ -22,18 +22,23 @@ use crate::state::{View, beyond};
 use carom_chain::urdf::JointType;
 use carom_chain::{Chain, Coordinates, JointInfo, PlanarChain, Spatial};
 use nalgebra::{DMatrix, Matrix3, Vector3};
+use serde::Serialize;
 
-/// The reduced simulation of a scene, and the list of its reductions.
-#[derive(Debug, Clone)]
+/// The reduced simulation of a scene, and the list of its reductions, which serde writes.
+#[derive(Debug, Clone, Serialize)]
 pub struct Plan {
     /// The reduced simulation.
+    #[serde(skip)]
     pub simulation: Simulation,
     /// Configuration at the start, of all joints.
+    #[serde(skip)]
     pub q: Vec<f64>,
     /// Joint velocities at the start, of all joints.
+    #[serde(skip)]
     pub qd: Vec<f64>,
     /// The chain of the simulation in the plane, if it moves parallel to one. The run is in it unless
     /// [`Simulation::planar`] is `false`.
+    #[serde(skip)]
     pub flat: Option<PlanarChain>,
     /// What is modelled, and how.
     pub kept: Vec<Decision>,
@@ -44,7 +49,7 @@ pub struct Plan {
 }
 
 /// One decision of a plan.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Decision {
     /// The subject: `space`, `joints`, `contacts`, `law`, `friction`, `gravity`, `integrator` …
     pub what: &'static str,
@@ -55,7 +60,7 @@ pub struct Decision {
 }
 
 /// An effect that is left out with a bound on the error.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Bounded {
     /// `friction`, `tilt` or `compliance`.
     pub what: &'static str,

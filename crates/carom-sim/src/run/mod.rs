@@ -9,6 +9,7 @@ mod impacts;
 mod leap;
 mod leg;
 mod memory;
+mod named;
 mod observer;
 mod open;
 mod root;
@@ -25,6 +26,7 @@ mod variation;
 mod watch;
 mod witness;
 
+pub use named::{AtContact, NamedEvent, UnderLaw};
 pub use sensitivity::{Broken, EventTime, Sensitivity};
 pub use session::{Advance, Session, SessionState};
 pub use trajectory::{

@@ -1,7 +1,9 @@
 //! The state of a chain at one time.
 
+use serde::Serialize;
+
 /// The state of the chain at one time.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Moment {
     /// Time, s.
     pub time: f64,
