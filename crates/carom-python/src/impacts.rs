@@ -1,6 +1,6 @@
 //! A batch of impacts.
 
-use crate::array::{Plain, array, bytes};
+use crate::array::{Array, Plain, array, bytes};
 use crate::batch::{CHUNK, first_error};
 use crate::error::InBatch;
 use crate::impact::{FLAGS, Impact, Wanted, bits};
@@ -209,7 +209,7 @@ impl Impacts {
     }
 
     /// Column k of an array.
-    fn column<'py>(py: Python<'py>, of: &Py<PyAny>, k: usize) -> PyResult<Bound<'py, PyAny>> {
+    fn column<'py>(py: Python<'py>, of: &Py<PyAny>, k: usize) -> PyResult<Array<'py>> {
         of.bind(py).get_item((pyo3::types::PySlice::full(py), k))
     }
 }
@@ -220,14 +220,45 @@ fn derivatives(py: Python<'_>, by: Vec<f64>, b: usize, nv: usize) -> PyResult<Py
         let columns = pyo3::types::PySlice::new(py, from as isize, to as isize, 1);
         all.get_item((pyo3::types::PySlice::full(py), columns))
     };
-    let dict = PyDict::new(py);
     let n = nv * nv;
-    dict.set_item("q", part(0, n)?.call_method1("reshape", (b, nv, nv))?)?;
-    dict.set_item("qd", part(n, 2 * n)?.call_method1("reshape", (b, nv, nv))?)?;
-    dict.set_item("restitution", part(2 * n, 2 * n + nv)?)?;
-    dict.set_item("friction", part(2 * n + nv, 2 * n + 2 * nv)?)?;
-    Ok(dict.unbind())
+    let derivatives = dict! { py,
+        "q": part(0, n)?.call_method1("reshape", (b, nv, nv))?,
+        "qd": part(n, 2 * n)?.call_method1("reshape", (b, nv, nv))?,
+        "restitution": part(2 * n, 2 * n + nv)?,
+        "friction": part(2 * n + nv, 2 * n + 2 * nv)?,
+    };
+    Ok(derivatives.unbind())
 }
+
+getters! { Impacts, self, py {
+    /// Joint velocities after the impacts, shape (B, nv); rad/s, m/s.
+    qd_plus: Py<PyAny> = self.qd_plus.clone_ref(py);
+    /// Impulses on the robot, shape (B, 3), world axes, N s.
+    impulse: Py<PyAny> = self.impulse.clone_ref(py);
+    /// Velocities of the contact point before, shape (B, 3), world axes, m/s.
+    u_minus: Py<PyAny> = self.u_minus.clone_ref(py);
+    /// Velocities of the contact point after, shape (B, 3), world axes, m/s.
+    u_plus: Py<PyAny> = self.u_plus.clone_ref(py);
+    /// Kinetic energies of the robot before, shape (B,), J.
+    energy_before: Array<'py> = Self::column(py, &self.energies, 0)?;
+    /// Kinetic energies of the robot after, shape (B,), J.
+    energy_after: Array<'py> = Self::column(py, &self.energies, 1)?;
+    /// Works of the normal impulses, shape (B,), J.
+    normal_work: Array<'py> = Self::column(py, &self.energies, 2)?;
+    /// Works of the tangential impulses, shape (B,), J.
+    friction_work: Array<'py> = Self::column(py, &self.energies, 3)?;
+    /// Works of the drives, shape (B,), J.
+    drive_work: Array<'py> = Self::column(py, &self.energies, 4)?;
+    /// Impulses of the drives on each joint, shape (B, nv), N m s or N s.
+    drive_impulse: Py<PyAny> = self.drive_impulse.clone_ref(py);
+    /// Contact modes at the end of the impacts, an array of texts of shape (B,): "open", "stick", "slip", "reverse-slip".
+    mode: Array<'py> = texts(py, &MODES.map(Mode::name))?.get_item(Self::column(py, &self.codes, 0)?)?;
+    /// Flags as an array of uint8 of shape (B,), with bits as in carom.Flags; 0 for an ordinary impact.
+    flags: Array<'py> = Self::column(py, &self.codes, 1)?;
+    /// With derivatives=True a dict of the derivatives of qd_plus: "q" and "qd" of shape (B, nv, nv), "restitution" and
+    /// "friction" of shape (B, nv). Else None.
+    derivatives: Option<Py<PyDict>> = self.derivatives.as_ref().map(|dict| dict.clone_ref(py));
+} }
 
 #[pymethods]
 impl Impacts {
@@ -235,95 +266,16 @@ impl Impacts {
         self.count
     }
 
-    /// Joint velocities after the impacts, shape (B, nv); rad/s, m/s.
-    #[getter]
-    fn qd_plus(&self, py: Python<'_>) -> Py<PyAny> {
-        self.qd_plus.clone_ref(py)
-    }
-
-    /// Impulses on the robot, shape (B, 3), world axes, N s.
-    #[getter]
-    fn impulse(&self, py: Python<'_>) -> Py<PyAny> {
-        self.impulse.clone_ref(py)
-    }
-
-    /// Velocities of the contact point before, shape (B, 3), world axes, m/s.
-    #[getter]
-    fn u_minus(&self, py: Python<'_>) -> Py<PyAny> {
-        self.u_minus.clone_ref(py)
-    }
-
-    /// Velocities of the contact point after, shape (B, 3), world axes, m/s.
-    #[getter]
-    fn u_plus(&self, py: Python<'_>) -> Py<PyAny> {
-        self.u_plus.clone_ref(py)
-    }
-
-    /// Kinetic energies of the robot before, shape (B,), J.
-    #[getter]
-    fn energy_before<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::column(py, &self.energies, 0)
-    }
-
-    /// Kinetic energies of the robot after, shape (B,), J.
-    #[getter]
-    fn energy_after<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::column(py, &self.energies, 1)
-    }
-
-    /// Works of the normal impulses, shape (B,), J.
-    #[getter]
-    fn normal_work<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::column(py, &self.energies, 2)
-    }
-
-    /// Works of the tangential impulses, shape (B,), J.
-    #[getter]
-    fn friction_work<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::column(py, &self.energies, 3)
-    }
-
-    /// Works of the drives, shape (B,), J.
-    #[getter]
-    fn drive_work<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::column(py, &self.energies, 4)
-    }
-
-    /// Impulses of the drives on each joint, shape (B, nv), N m s or N s.
-    #[getter]
-    fn drive_impulse(&self, py: Python<'_>) -> Py<PyAny> {
-        self.drive_impulse.clone_ref(py)
-    }
-
-    /// Contact modes at the end of the impacts, an array of texts of shape (B,): "open", "stick", "slip", "reverse-slip".
-    #[getter]
-    fn mode<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        texts(py, &MODES.map(Mode::name))?.get_item(Self::column(py, &self.codes, 0)?)
-    }
-
-    /// Flags as an array of uint8 of shape (B,), with bits as in carom.Flags; 0 for an ordinary impact.
-    #[getter]
-    fn flags<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::column(py, &self.codes, 1)
-    }
-
     /// The states at which a flag is set, an array of booleans of shape (B,).
     ///
     /// Args:
     ///     name: "energy-gain", "jam", "singular", "grazing", "non-unique" or "no-approach".
-    fn flagged<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+    fn flagged<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Array<'py>> {
         let Some(bit) = FLAGS.iter().position(|(flag, _)| *flag == name) else {
             let names = FLAGS.map(|(flag, _)| flag).join(", ");
             return Err(PyValueError::new_err(format!("no flag is named '{name}': the flags are {names}")));
         };
         Self::column(py, &self.codes, 1)?.bitand(1u8 << bit)?.call_method1("astype", ("bool",))
-    }
-
-    /// With derivatives=True a dict of the derivatives of qd_plus: "q" and "qd" of shape (B, nv, nv), "restitution" and
-    /// "friction" of shape (B, nv). Else None.
-    #[getter]
-    fn derivatives(&self, py: Python<'_>) -> Option<Py<PyDict>> {
-        self.derivatives.as_ref().map(|dict| dict.clone_ref(py))
     }
 
     fn __repr__(&self) -> String {
