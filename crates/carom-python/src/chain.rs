@@ -5,7 +5,7 @@ use crate::batch::each_row;
 use crate::error::raise;
 use crate::order;
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
-use carom_chain::{Coordinates, FrameId, Spatial, Workspace};
+use carom_chain::{ChainError, Coordinates, FrameId, Spatial, Workspace};
 use pyo3::exceptions::{PyImportError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -102,6 +102,23 @@ impl Chain {
         }
         limits
     }
+}
+
+/// Writes into `out` the numbers that `work` makes of the rows of two arguments, `width` for each state.
+fn of_two<'py>(
+    py: Python<'py>,
+    given: [(&str, &Rows<'py>); 2],
+    (width, out): (usize, Maybe<'_, 'py>),
+    work: impl Fn(&[f64], &[f64]) -> Result<Vec<f64>, ChainError> + Sync + Send,
+) -> PyResult<Array<'py>> {
+    let count = together(given)?;
+    let mut target = Target::new(out, count, &[width])?;
+    let [first, second] = given.map(|(_, rows)| rows.plain());
+    let one = |(): &mut (), k: usize, out: &mut [f64]| {
+        work(first.row(k), second.row(k)).map(|moved| out.copy_from_slice(&moved))
+    };
+    each_row(py, count, target.slice(), width, || (), one)?;
+    target.finish(py)
 }
 
 getters! { Chain, self, py {
@@ -316,21 +333,8 @@ impl Chain {
         dt: f64,
         out: Maybe<'_, 'py>,
     ) -> PyResult<Array<'py>> {
-        let (q, qd) = (self.q(q)?, self.v("qd", qd)?);
-        let count = together([("q", &q), ("qd", &qd)])?;
-        let mut target = Target::new(out, count, &[self.chain.nq()])?;
-        let (chain, nq, slice) = (&self.chain, self.chain.nq(), target.slice());
-        let (q, qd) = (q.plain(), qd.plain());
-        let done = each_row(
-            py,
-            count,
-            slice,
-            nq,
-            || (),
-            |(), k, out| chain.integrate(q.row(k), qd.row(k), dt).map(|moved| out.copy_from_slice(&moved)),
-        );
-        done?;
-        target.finish(py)
+        let given = [("q", &self.q(q)?), ("qd", &self.v("qd", qd)?)];
+        of_two(py, given, (self.chain.nq(), out), |q, qd| self.chain.integrate(q, qd, dt))
     }
 
     /// The constant velocity that moves the chain from q_from to q_to in one second; shape (nv,) or (B, nv).
@@ -345,21 +349,8 @@ impl Chain {
         q_to: Given<'_, 'py>,
         out: Maybe<'_, 'py>,
     ) -> PyResult<Array<'py>> {
-        let (from, to) = (self.named_q("q_from", q_from)?, self.named_q("q_to", q_to)?);
-        let count = together([("q_from", &from), ("q_to", &to)])?;
-        let mut target = Target::new(out, count, &[self.chain.nv()])?;
-        let (chain, nv, slice) = (&self.chain, self.chain.nv(), target.slice());
-        let (from, to) = (from.plain(), to.plain());
-        let done = each_row(
-            py,
-            count,
-            slice,
-            nv,
-            || (),
-            |(), k, out| chain.difference(from.row(k), to.row(k)).map(|moved| out.copy_from_slice(&moved)),
-        );
-        done?;
-        target.finish(py)
+        let given = [("q_from", &self.named_q("q_from", q_from)?), ("q_to", &self.named_q("q_to", q_to)?)];
+        of_two(py, given, (self.chain.nv(), out), |from, to| self.chain.difference(from, to))
     }
 
     /// The positions of joints of one degree of freedom that are outside their limits at q (shape (nq,)), one sentence each.
