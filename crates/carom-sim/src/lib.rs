@@ -57,7 +57,7 @@ pub use run::{
     Advance, AtContact, Broken, EnergyBooks, Event, EventKind, EventTime, NamedEvent, Sampling, Seen, Segment,
     Sensitivity, Session, SessionState, Statistics, StepReason, StopReason, Summary, Trajectory, UnderLaw,
 };
-#[doc(hidden)]
-pub use scene::from_toml;
 pub use scene::{Distribution, Perturbation, Scene};
+#[doc(hidden)]
+pub use scene::{from_toml, keys};
 pub use state::{ContactImpulse, Moment, Profile};
