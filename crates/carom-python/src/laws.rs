@@ -62,14 +62,27 @@ fn known(class: &str, law: AnyLaw, given: &[(&str, f64)]) -> PyResult<KnownLaw> 
     Ok(KnownLaw { law, shown: format!("{class}({})", given.join(", ")) })
 }
 
-macro_rules! laws_with_friction {
-    ($($(#[doc = $doc:literal])* $class:ident $name:literal;)*) => {
+/// What the documentation of a law says of a coefficient.
+macro_rules! about {
+    (restitution) => {
+        "    restitution: 0 to 1."
+    };
+    (friction) => {
+        "    friction: Coulomb's coefficient, 0 or more."
+    };
+    (tangential_restitution) => {
+        "    tangential_restitution: -1 (no tangential impulse) to 1 (one that reverses the slip)."
+    };
+}
+
+/// Classes of laws with their names and coefficients.
+macro_rules! laws {
+    ($($(#[doc = $doc:literal])* $class:ident $name:literal ($($coefficient:ident $(= $default:literal)?),*);)*) => {
         $(
             $(#[doc = $doc])*
             ///
             /// Args:
-            ///     restitution: 0 to 1.
-            ///     friction: Coulomb's coefficient, 0 or more.
+            $(#[doc = about!($coefficient)])*
             ///
             /// Raises:
             ///     ImpactError: a coefficient out of its range.
@@ -79,88 +92,40 @@ macro_rules! laws_with_friction {
             #[pymethods]
             impl $class {
                 #[new]
-                #[pyo3(signature = (restitution, friction=0.0))]
-                fn new(restitution: f64, friction: f64) -> PyResult<PyClassInitializer<Self>> {
-                    let coefficients = Coefficients { restitution, friction, ..Default::default() };
+                #[pyo3(signature = ($($coefficient $(= $default)?),*))]
+                fn new($($coefficient: f64),*) -> PyResult<PyClassInitializer<Self>> {
+                    #[allow(clippy::needless_update)]
+                    let coefficients = Coefficients { $($coefficient,)* ..Default::default() };
                     let law = AnyLaw::named($name, coefficients).ok_or_else(|| PyTypeError::new_err($name))?;
-                    let given = [("restitution", restitution), ("friction", friction)];
+                    let given = [$((stringify!($coefficient), $coefficient)),*];
                     Ok(PyClassInitializer::from(known(stringify!($class), law, &given)?).add_subclass(Self))
                 }
 
-                fn __reduce__(this: &Bound<'_, Self>) -> (Py<PyAny>, (f64, f64)) {
+                fn __reduce__<'py>(this: &Bound<'py, Self>) -> PyResult<(Py<PyAny>, Bound<'py, PyTuple>)> {
                     let own = this.as_super().get().law.coefficients();
-                    (this.get_type().into_any().unbind(), (own.restitution, own.friction))
+                    Ok((this.get_type().into_any().unbind(), PyTuple::new(this.py(), [$(own.$coefficient),*])?))
                 }
             }
         )*
     };
 }
 
-laws_with_friction! {
+laws! {
+    /// The frictionless law; Newton's, Poisson's and Stronge's coefficients are equal without friction.
+    Frictionless "frictionless" (restitution);
     /// Whittaker's law: the ratio of normal velocities is `restitution`, and Coulomb's friction acts against the slip after the
     /// impact. Can gain energy.
-    Whittaker "whittaker";
+    Whittaker "whittaker" (restitution, friction = 0.0);
     /// Newton's law along the path of the slip: the ratio of normal velocities is `restitution`. Can gain energy.
-    Newton "newton";
+    Newton "newton" (restitution, friction = 0.0);
     /// Poisson's law along the path of the slip: the ratio of normal impulses is `restitution`.
-    Poisson "poisson";
+    Poisson "poisson" (restitution, friction = 0.0);
     /// Stronge's law along the path of the slip: the ratio of normal works is the square of `restitution`. Never gains energy.
-    Energetic "energetic";
+    Energetic "energetic" (restitution, friction = 0.0);
     /// Smith's law: friction against a mean of the slips before and after.
-    Smith "smith";
-}
-
-/// The frictionless law; Newton's, Poisson's and Stronge's coefficients are equal without friction.
-///
-/// Args:
-///     restitution: 0 to 1.
-///
-/// Raises:
-///     ImpactError: a coefficient out of its range.
-#[pyclass(frozen, extends = KnownLaw, module = "carom")]
-pub struct Frictionless;
-
-#[pymethods]
-impl Frictionless {
-    #[new]
-    fn new(restitution: f64) -> PyResult<PyClassInitializer<Self>> {
-        let law = AnyLaw::from(carom_impact::Frictionless { restitution });
-        Ok(PyClassInitializer::from(known("Frictionless", law, &[("restitution", restitution)])?).add_subclass(Self))
-    }
-
-    fn __reduce__(this: &Bound<'_, Self>) -> (Py<PyAny>, (f64,)) {
-        (this.get_type().into_any().unbind(), (this.as_super().get().law.coefficients().restitution,))
-    }
-}
-
-/// Chatterjee and Ruina's law: an algebraic law with a coefficient of tangential restitution. Never gains energy.
-///
-/// Args:
-///     restitution: 0 to 1.
-///     friction: Coulomb's coefficient, 0 or more.
-///     tangential_restitution: -1 (no tangential impulse) to 1 (one that reverses the slip).
-///
-/// Raises:
-///     ImpactError: a coefficient out of its range.
-#[pyclass(frozen, extends = KnownLaw, module = "carom")]
-pub struct ChatterjeeRuina;
-
-#[pymethods]
-impl ChatterjeeRuina {
-    #[new]
-    #[pyo3(signature = (restitution, friction=0.0, tangential_restitution=0.0))]
-    fn new(restitution: f64, friction: f64, tangential_restitution: f64) -> PyResult<PyClassInitializer<Self>> {
-        let law = AnyLaw::from(carom_impact::ChatterjeeRuina { restitution, tangential_restitution, friction });
-        let given =
-            [("restitution", restitution), ("friction", friction), ("tangential_restitution", tangential_restitution)];
-        Ok(PyClassInitializer::from(known("ChatterjeeRuina", law, &given)?).add_subclass(Self))
-    }
-
-    fn __reduce__(this: &Bound<'_, Self>) -> (Py<PyAny>, (f64, f64, f64)) {
-        let own = this.as_super().get().law.coefficients();
-        let coefficients = (own.restitution, own.friction, own.tangential_restitution);
-        (this.get_type().into_any().unbind(), coefficients)
-    }
+    Smith "smith" (restitution, friction = 0.0);
+    /// Chatterjee and Ruina's law: an algebraic law with a coefficient of tangential restitution. Never gains energy.
+    ChatterjeeRuina "chatterjee-ruina" (restitution, friction = 0.0, tangential_restitution = 0.0);
 }
 
 /// Brach's law: an impulse ratio, limited so that no energy is gained.
