@@ -9,12 +9,11 @@ use crate::record::{Record, Recorder};
 use crate::runs;
 use crate::scene::load;
 use crate::sensitivity::{self, Sensitivity};
-use carom_chain::Chain;
 use carom_sim::{
-    AtContact, ContactMode, ContactState, EnergyBooks, Moment, NamedEvent, Sampling, Seen, Simulation, Statistics,
-    StopReason, Summary, UnderLaw,
+    AtContact, ContactMode, ContactState, EnergyBooks, Moment, NamedEvent, Sampling, Seen, Statistics, StopReason,
+    Summary, UnderLaw,
 };
-use carom_study::{SCENE_KEY, Table, TableError, contact_columns, contact_row, state_columns};
+use carom_study::{Column, SCENE_KEY, Table, TableError, contact_columns, contact_row, state_columns};
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -179,18 +178,18 @@ impl Simulate {
             sensitivity::check(&self.scene, &plan)?;
         }
         let sim = &plan.simulation;
-        let mut tables = Tables::begin([csv, parquet], &sim.chain, &scene.text)?;
-        let mut contacts = ContactTable::begin(self.contacts.as_deref(), sim, &scene.text)?;
+        let mut states = Tables::begin([csv, parquet], &state_columns(&sim.chain), &scene.text)?;
+        let mut contacts = Tables::begin([self.contacts.as_deref()], &contact_columns(sim), &scene.text)?;
         let mut recorder = Recorder::begin(&self.record, &scene, &plan)?;
-        let sampled = !tables.tables.is_empty() || contacts.table.is_some() || recorder.is_some();
+        let sampled = [&states, &contacts].iter().any(|it| !it.tables.is_empty()) || recorder.is_some();
         let every = sampled.then(|| scene.sample.unwrap_or(SAMPLE));
         let mut events = Vec::new();
         let sampling = Sampling { every, dense: false };
         let run = plan.stream(scene.duration, sampling, &mut |seen| {
             match &seen {
-                Seen::Moment(moment) => tables.row(moment),
+                Seen::Moment(Moment { time, q, qd }) => states.row(&[&[*time], &q[..], qd].concat()),
                 Seen::Event(event) => events.push((*event).clone()),
-                Seen::Contacts(time, states) => contacts.rows(*time, states),
+                Seen::Contacts(time, all) => all.iter().for_each(|state| contacts.row(&contact_row(*time, state))),
                 Seen::Segment(_) => {}
             }
             if let Some(recorder) = &mut recorder {
@@ -203,7 +202,7 @@ impl Simulate {
         }
         let derivatives = self.sensitivity.then(|| Sensitivity::of(&plan, scene.duration));
         let derivatives = derivatives.transpose().map_err(refuse)?;
-        tables.finish()?;
+        states.finish()?;
         contacts.finish()?;
         if let Some(recorder) = recorder {
             recorder.finish(&run)?;
@@ -300,26 +299,28 @@ fn for_people(events: &[NamedEvent], run: &Summary, out: &mut dyn Write) -> io::
     Ok(())
 }
 
-/// The tables that are being written; keeps the first error.
+/// Tables of the same rows that are being written; keeps the first error.
 struct Tables {
     tables: Vec<Table>,
     failed: Option<TableError>,
 }
 
 impl Tables {
-    fn begin(paths: [Option<&Path>; 2], chain: &Chain, scene: &str) -> Result<Self, CliError> {
-        let columns = state_columns(chain);
-        let tables = paths.into_iter().flatten().map(|path| Table::create_with(path, &columns));
+    fn begin<'a>(
+        paths: impl IntoIterator<Item = Option<&'a Path>>,
+        columns: &[Column],
+        scene: &str,
+    ) -> Result<Self, CliError> {
+        let tables = paths.into_iter().flatten().map(|path| Table::create_with(path, columns));
         let mut tables = tables.collect::<Result<Vec<_>, _>>()?;
         tables.iter_mut().for_each(|table| table.describe(SCENE_KEY, scene));
         Ok(Self { tables, failed: None })
     }
 
-    fn row(&mut self, moment: &Moment) {
-        let numbers: Vec<f64> = std::iter::once(moment.time).chain(moment.q.clone()).chain(moment.qd.clone()).collect();
+    fn row(&mut self, numbers: &[f64]) {
         for table in &mut self.tables {
             if self.failed.is_none() {
-                self.failed = table.row(&numbers).err();
+                self.failed = table.row(numbers).err();
             }
         }
     }
@@ -329,35 +330,5 @@ impl Tables {
             return Err(error.into());
         }
         Ok(self.tables.into_iter().try_for_each(Table::finish)?)
-    }
-}
-
-/// The table of lasting contacts.
-struct ContactTable {
-    table: Option<Table>,
-    failed: Option<TableError>,
-}
-
-impl ContactTable {
-    fn begin(path: Option<&Path>, sim: &Simulation, scene: &str) -> Result<Self, CliError> {
-        let mut table = path.map(|path| Table::create_with(path, &contact_columns(sim))).transpose()?;
-        table.iter_mut().for_each(|table| table.describe(SCENE_KEY, scene));
-        Ok(Self { table, failed: None })
-    }
-
-    fn rows(&mut self, time: f64, states: &[ContactState]) {
-        let Some(table) = &mut self.table else { return };
-        for state in states {
-            if self.failed.is_none() {
-                self.failed = table.row(&contact_row(time, state)).err();
-            }
-        }
-    }
-
-    fn finish(self) -> Result<(), CliError> {
-        if let Some(error) = self.failed {
-            return Err(error.into());
-        }
-        Ok(self.table.map_or(Ok(()), Table::finish)?)
     }
 }
