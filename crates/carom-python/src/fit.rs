@@ -65,10 +65,10 @@ impl FitResult {
 }
 
 fn score<'py>(py: Python<'py>, score: &Score) -> PyResult<Bound<'py, PyDict>> {
-    let [(whole_mean, whole_median), (early_mean, early_median)] = [score.whole, score.early].map(Option::unzip);
     Ok(dict! { py,
         "count": score.count, "mean": score.mean, "median": score.median, "below_half": score.below_half,
-        "whole_mean": whole_mean, "whole_median": whole_median, "early_mean": early_mean, "early_median": early_median,
+        "whole_mean": score.whole_mean, "whole_median": score.whole_median,
+        "early_mean": score.early_mean, "early_median": score.early_median,
         "least": score.least, "least_in_cone": score.least_in_cone,
     })
 }
