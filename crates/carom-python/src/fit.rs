@@ -25,14 +25,14 @@ pub struct FitResult {
 
 getters! { FitResult, self, py {
     /// What was fitted to: "velocities" or "trajectories".
-    fitted_to: &'static str = self.fit.to.name();
+    fitted_to: &'static str, "Literal['velocities', 'trajectories']" = self.fit.to.name();
     /// Name of the law.
     law: &str = &self.fit.law;
     /// Errors of the part that was fitted: a dict of "count", "mean", "median" (m/s for velocities), "below_half", "least" and
     /// "least_in_cone".
-    train: Bound<'py, PyDict> = score(py, &self.fit.train)?;
+    train: Bound<'py, PyDict>, "dict[str, float | None]" = score(py, &self.fit.train)?;
     /// Errors of the rest, as `train`; None if nothing is left.
-    test: Option<Bound<'py, PyDict>> = self.fit.test.as_ref().map(|test| score(py, test)).transpose()?;
+    test: Option<Bound<'py, PyDict>>, "dict[str, float | None] | None" = self.fit.test.as_ref().map(|test| score(py, test)).transpose()?;
     /// Error of each measurement, shape (N,).
     errors: Array<'py> = array(py, self.fit.each.iter().map(|one| one.error).collect(), &[self.fit.each.len()])?;
     /// Whether each measurement was fitted, a list of booleans.

@@ -168,7 +168,7 @@ getters! { Impact, self, py {
     /// T⁺/T⁻ of the robot; 1 at rest.
     energy_ratio: f64 = self.hit.energy_ratio();
     /// Contact mode at the end of the impact: "open", "stick", "slip" or "reverse-slip".
-    mode: &'static str = self.hit.mode.name();
+    mode: &'static str, "_Mode" = self.hit.mode.name();
     /// Name of the law.
     law: &'static str = self.hit.contact.law;
     /// Names of the flags that are set, of "energy-gain", "jam", "singular", "grazing", "non-unique", "no-approach".

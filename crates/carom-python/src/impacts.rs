@@ -223,12 +223,12 @@ getters! { Impacts, self, py {
     /// Impulses of the drives on each joint, shape (B, nv), N m s or N s.
     drive_impulse: Py<PyAny> = self.blocks[5].clone_ref(py);
     /// Contact modes at the end of the impacts, an array of texts of shape (B,): "open", "stick", "slip", "reverse-slip".
-    mode: Array<'py> = texts(py, &MODES.map(Mode::name))?.get_item(Self::column(py, &self.codes, 0)?)?;
+    mode: Array<'py>, "NDArray[np.str_]" = texts(py, &MODES.map(Mode::name))?.get_item(Self::column(py, &self.codes, 0)?)?;
     /// Flags as an array of uint8 of shape (B,), with bits as in carom.Flags; 0 for an ordinary impact.
-    flags: Array<'py> = Self::column(py, &self.codes, 1)?;
+    flags: Array<'py>, "NDArray[np.uint8]" = Self::column(py, &self.codes, 1)?;
     /// With derivatives=True a dict of the derivatives of qd_plus: "q" and "qd" of shape (B, nv, nv), "restitution" and
     /// "friction" of shape (B, nv). Else None.
-    derivatives: Option<Py<PyDict>> = self.derivatives.as_ref().map(|dict| dict.clone_ref(py));
+    derivatives: Option<Py<PyDict>>, "dict[str, _Floats] | None" = self.derivatives.as_ref().map(|dict| dict.clone_ref(py));
 } }
 
 #[pymethods]

@@ -16,9 +16,10 @@ macro_rules! dict {
     }};
 }
 
-/// Getters of a class: each has its documentation, name and type, and an expression of `self` and the token `py`.
+/// Getters of a class: each has its documentation, name and type, where `stubs.py` cannot know it the type of the stub, and an
+/// expression of `self` and the token `py`.
 macro_rules! getters {
-    ($class:ident, $this:ident, $py:ident { $($(#[$($doc:tt)*])* $name:ident: $type:ty = $value:expr;)* }) => {
+    ($class:ident, $this:ident, $py:ident { $($(#[$($doc:tt)*])* $name:ident: $type:ty $(, $stub:literal)? = $value:expr;)* }) => {
         #[pymethods]
         impl $class {
             $(

@@ -45,7 +45,7 @@ getters! { Outcome, self, py {
     /// Contact velocity after, m/s.
     u_plus: Array<'py> = of!(self, hit => list(py, hit.u_plus.as_slice()))?;
     /// Contact mode at the end: "open", "stick", "slip" or "reverse-slip".
-    mode: &'static str = of!(self, hit => hit.mode.name());
+    mode: &'static str, "_Mode" = of!(self, hit => hit.mode.name());
     /// Names of the flags that are set.
     flags: Vec<&'static str> = of!(self, hit => hit.flags.names().collect());
     /// Kinetic energy in contact space before, ½ uᵀ H⁻¹ u, J.

@@ -84,16 +84,16 @@ getters! { Run, self, py {
     /// The events in the order of time, a list of Event.
     events: Vec<RunEvent> = self.all_events().map(|event| RunEvent::of(&self.plan.simulation, event.clone())).collect();
     /// Why the run has ended: "duration" or "events".
-    stop_reason: &'static str = self.summary.stop.name();
+    stop_reason: &'static str, "Literal['duration', 'events']" = self.summary.stop.name();
     /// Contact mode at the end.
     mode: &'static str = self.summary.mode.name();
     /// What to know of the results: an energy balance that does not close, impulses that do not satisfy their law. They are raised as
     /// Python warnings, too.
     warnings: Vec<String> = self.summary.warnings();
     /// Energy balance, a dict in J: end = start + drive + resistance - lost_in_impacts + error.
-    energy: Bound<'py, PyAny> = pythonize(py, &self.summary.energy)?;
+    energy: Bound<'py, PyAny>, "dict[str, float]" = pythonize(py, &self.summary.energy)?;
     /// Work of the solvers, a dict of numbers. `carom simulate --help` says what each means.
-    statistics: Bound<'py, PyAny> = pythonize(py, &self.summary.statistics)?;
+    statistics: Bound<'py, PyAny>, "dict[str, float]" = pythonize(py, &self.summary.statistics)?;
 } }
 
 #[pymethods]

@@ -45,7 +45,7 @@ getters! { Sensitivity, self, py {
     /// number, "q base 3". The first 2 nv are also the names of the rows of `last_by`.
     names: Vec<&str> = self.found.names.iter().map(String::as_str).collect();
     /// Where and why the derivatives end: a dict of time (s) and reason; None if they reach the end.
-    broken: Option<Bound<'py, PyAny>> = self.found.broken.as_ref().map(|broken| pythonize(py, broken)).transpose()?;
+    broken: Option<Bound<'py, PyAny>>, "dict[str, Any] | None" = self.found.broken.as_ref().map(|broken| pythonize(py, broken)).transpose()?;
 } }
 
 #[pymethods]

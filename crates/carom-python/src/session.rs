@@ -56,7 +56,7 @@ getters! { Session, self, py {
     /// The contact mode: "free", "sliding", "sticking", "latched", "pressing" or "stepping".
     mode: &'static str = self.session.mode().name();
     /// Energy balance since the start; the dict of `Run.energy`.
-    energy: Bound<'py, PyAny> = pythonize(py, &self.functions.pass(self.session.energy())?)?;
+    energy: Bound<'py, PyAny>, "dict[str, float]" = pythonize(py, &self.functions.pass(self.session.energy())?)?;
 } }
 
 #[pymethods]
