@@ -62,7 +62,7 @@ impl Table {
     fn column<'py>(&self, py: Python<'py>, c: usize) -> PyResult<Array<'py>> {
         let (column, values) = (&self.columns[c], &self.values[c]);
         if column.words.is_empty() {
-            return list(py, &values);
+            return list(py, values);
         }
         if values.is_empty() {
             return numpy(py)?.call_method1("array", (Vec::<String>::new(), "str"));
