@@ -2,7 +2,7 @@
 
 use crate::error::CliError;
 use crate::input::{JointOrder, LimitWarnings, RobotArgs, State, StateArgs, for_each_line, parse_range, parse_vector};
-use crate::law::{All, LawArgs};
+use crate::law::{All, Branch, LawArgs};
 use crate::output::{row, short};
 use carom_chain::urdf::JointType;
 use carom_chain::{Chain, ChainError, Coordinates};
@@ -182,15 +182,8 @@ impl Drives {
 struct Answer {
     law: &'static str,
     qd_plus: Vec<f64>,
-    impulse: [f64; 3],
-    u_minus: [f64; 3],
-    u_plus: [f64; 3],
-    energy_before: f64,
-    energy_after: f64,
-    mode: &'static str,
-    normal_work: f64,
-    friction_work: f64,
-    flags: Vec<&'static str>,
+    #[serde(flatten)]
+    hit: ChainImpact,
     /// Left out if the joints are free.
     #[serde(skip_serializing_if = "Option::is_none")]
     drive_impulse: Option<Vec<f64>>,
@@ -205,15 +198,6 @@ struct Answer {
     mode_margin: Option<Margin>,
     #[serde(skip_serializing_if = "Option::is_none")]
     band: Option<Bounds>,
-}
-
-#[derive(Serialize)]
-struct Branch {
-    qd_plus: Vec<f64>,
-    impulse: [f64; 3],
-    u_plus: [f64; 3],
-    mode: &'static str,
-    energy_ratio: f64,
 }
 
 /// Derivatives of qd⁺; matrices as rows.
@@ -361,8 +345,8 @@ impl Impact {
 fn outcome(law: &'static str, hits: &[ChainImpact], order: &JointOrder, driven: bool) -> Option<Answer> {
     let branch = |hit: &ChainImpact| Branch {
         qd_plus: order.theirs(&hit.qd_plus),
-        impulse: hit.impulse.into(),
-        u_plus: hit.u_plus.into(),
+        impulse: hit.impulse.as_slice().to_vec(),
+        u_plus: hit.u_plus.as_slice().to_vec(),
         mode: hit.mode.name(),
         energy_ratio: hit.energy_ratio(),
     };
@@ -370,15 +354,7 @@ fn outcome(law: &'static str, hits: &[ChainImpact], order: &JointOrder, driven: 
     Some(Answer {
         law,
         qd_plus: order.theirs(&hit.qd_plus),
-        impulse: hit.impulse.into(),
-        u_minus: hit.u_minus.into(),
-        u_plus: hit.u_plus.into(),
-        energy_before: hit.energy_before,
-        energy_after: hit.energy_after,
-        mode: hit.mode.name(),
-        normal_work: hit.contact.normal_work,
-        friction_work: hit.contact.friction_work,
-        flags: hit.flags.names().collect(),
+        hit: hit.clone(),
         drive_impulse: driven.then(|| order.theirs(&hit.drive_impulse)),
         drive_work: driven.then_some(hit.drive_work),
         branches: if hits.len() > 1 { hits.iter().map(branch).collect() } else { Vec::new() },
@@ -390,21 +366,27 @@ fn outcome(law: &'static str, hits: &[ChainImpact], order: &JointOrder, driven: 
 
 fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io::Result<()> {
     if let Some(first) = all.outcomes.first() {
-        writeln!(out, "u⁻ {} m/s, kinetic energy {} J", row(&first.u_minus), short(first.energy_before))?;
+        writeln!(
+            out,
+            "u⁻ {} m/s, kinetic energy {} J",
+            row(first.hit.u_minus.as_slice()),
+            short(first.hit.energy_before)
+        )?;
         writeln!(out, "qd⁺ in the order {}", order.names.join(", "))?;
     }
     for a in &all.outcomes {
-        let flags = if a.flags.is_empty() { String::new() } else { format!("  [{}]", a.flags.join(", ")) };
-        writeln!(out, "{:16} {:12} qd⁺ {}{flags}", a.law, a.mode, row(&a.qd_plus))?;
-        writeln!(out, "{:29} u⁺  {} m/s", "", row(&a.u_plus))?;
-        writeln!(out, "{:29} p   {} N s", "", row(&a.impulse))?;
+        let hit = &a.hit;
+        let flags = if hit.flags.is_empty() { String::new() } else { format!("  [{}]", hit.flags) };
+        writeln!(out, "{:16} {:12} qd⁺ {}{flags}", a.law, hit.mode, row(&a.qd_plus))?;
+        writeln!(out, "{:29} u⁺  {} m/s", "", row(hit.u_plus.as_slice()))?;
+        writeln!(out, "{:29} p   {} N s", "", row(hit.impulse.as_slice()))?;
         writeln!(
             out,
             "{:29} T⁺  {:>13} J; normal work {}, friction work {} J",
             "",
-            short(a.energy_after),
-            short(a.normal_work),
-            short(a.friction_work)
+            short(hit.energy_after),
+            short(hit.contact.normal_work),
+            short(hit.contact.friction_work)
         )?;
         if let (Some(impulse), Some(work)) = (&a.drive_impulse, a.drive_work) {
             writeln!(out, "{:29} drives {} N m s, work {} J", "", row(impulse), short(work))?;
@@ -426,7 +408,7 @@ fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io:
         }
         if let Some(Margin { margin, edge, beyond }) = &a.mode_margin {
             // Slip that stops in another phase has the same mode, but other derivatives.
-            let still = if *beyond == a.mode { "still " } else { "" };
+            let still = if *beyond == hit.mode.name() { "still " } else { "" };
             let margin = short(*margin);
             writeln!(out, "{:29} nearest boundary {edge}, margin {margin}; beyond it {still}{beyond}", "")?;
         }

@@ -189,12 +189,16 @@ struct Answer {
     branches: Vec<Branch>,
 }
 
+/// One of several outcomes that satisfy a law.
 #[derive(Serialize)]
-struct Branch {
-    impulse: Vec<f64>,
-    u_plus: Vec<f64>,
-    mode: &'static str,
-    energy_ratio: f64,
+pub struct Branch {
+    /// Of an impact of a robot.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub qd_plus: Vec<f64>,
+    pub impulse: Vec<f64>,
+    pub u_plus: Vec<f64>,
+    pub mode: &'static str,
+    pub energy_ratio: f64,
 }
 
 impl LawCommand {
@@ -341,6 +345,7 @@ fn resolve<const D: usize>(problem: &Problem, laws: &Named<D>) -> Result<All<Ans
 
 fn branch<const D: usize>(hit: &ImpactOutcome<f64, D>) -> Branch {
     Branch {
+        qd_plus: Vec::new(),
         impulse: hit.impulse.as_slice().to_vec(),
         u_plus: hit.u_plus.as_slice().to_vec(),
         mode: hit.mode.name(),

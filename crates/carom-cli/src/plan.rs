@@ -32,36 +32,13 @@ pub struct PlanCommand {
 #[derive(Serialize)]
 pub struct Account<'a> {
     joints: Vec<&'a str>,
-    kept: Vec<Line<'a>>,
-    left_out: Vec<Line<'a>>,
-    bounded: Vec<Within<'a>>,
-}
-
-#[derive(Serialize)]
-struct Line<'a> {
-    what: &'static str,
-    choice: &'a str,
-    why: &'a str,
-}
-
-#[derive(Serialize)]
-struct Within<'a> {
-    what: &'static str,
-    choice: &'a str,
-    bound: f64,
-    of: &'a str,
+    #[serde(flatten)]
+    plan: &'a Plan,
 }
 
 impl<'a> Account<'a> {
     pub fn of(plan: &'a Plan) -> Self {
-        let line = |it: &'a Decision| Line { what: it.what, choice: &it.choice, why: &it.why };
-        let within = |it: &'a Bounded| Within { what: it.what, choice: &it.choice, bound: it.bound, of: &it.of };
-        Self {
-            joints: moving_joints(plan),
-            kept: plan.kept.iter().map(line).collect(),
-            left_out: plan.left_out.iter().map(line).collect(),
-            bounded: plan.bounded.iter().map(within).collect(),
-        }
+        Self { joints: moving_joints(plan), plan }
     }
 }
 

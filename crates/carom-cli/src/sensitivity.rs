@@ -2,7 +2,7 @@
 
 use crate::error::CliError;
 use crate::output::brief;
-use carom_sim::{Parameter, Plan, SimError};
+use carom_sim::{Broken, EventTime, Parameter, Plan, SimError};
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::Path;
@@ -27,21 +27,6 @@ struct Row {
     by: Vec<f64>,
 }
 
-#[derive(Serialize)]
-struct EventTime {
-    time: f64,
-    kinds: Vec<&'static str>,
-    /// None for an impact so slow that their digits would not count.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    time_by: Option<Vec<f64>>,
-}
-
-#[derive(Serialize)]
-struct Broken {
-    time: f64,
-    reason: String,
-}
-
 /// Refuses what has no derivative anywhere.
 pub fn check(file: &Path, plan: &Plan) -> Result<(), CliError> {
     if plan.simulation.stepping {
@@ -60,18 +45,7 @@ impl Sensitivity {
             let rows = by.row_iter().map(|row| row.iter().copied().collect());
             found.names.iter().zip(rows).map(row).collect()
         });
-        let events = found.events.into_iter();
-        Ok(Self {
-            r#final: last,
-            events: events
-                .map(|it| {
-                    let time_by = Some(it.time_by).filter(|by| by.iter().all(|x| x.is_finite()));
-                    EventTime { time: it.time, kinds: it.kinds, time_by }
-                })
-                .collect(),
-            broken: found.broken.map(|it| Broken { time: it.time, reason: it.reason }),
-            names: found.names,
-        })
+        Ok(Self { r#final: last, events: found.events, broken: found.broken, names: found.names })
     }
 
     /// The largest derivatives of each number.
@@ -83,9 +57,10 @@ impl Sensitivity {
         )?;
         for event in &self.events {
             let what = format!("time of {} at {} s", event.kinds.join(", "), brief(event.time));
-            match &event.time_by {
-                Some(by) => self.line(&what, by, out)?,
-                None => writeln!(out, "  {what}: too slow for digits that count")?,
+            if event.time_by.iter().all(|x| x.is_finite()) {
+                self.line(&what, &event.time_by, out)?;
+            } else {
+                writeln!(out, "  {what}: too slow for digits that count")?;
             }
         }
         for row in self.r#final.iter().flatten() {

@@ -9,9 +9,11 @@ use crate::record::{Record, Recorder};
 use crate::runs;
 use crate::scene::load;
 use crate::sensitivity::{self, Sensitivity};
-use carom_chain::Chain;
-use carom_sim::{ContactState, Event, EventKind, Moment, Plan, Sampling, Seen, Simulation};
-use carom_study::{SCENE_KEY, Table, TableError, contact_columns, contact_row, state_columns};
+use carom_sim::{
+    AtContact, ContactMode, ContactState, EnergyBooks, Moment, NamedEvent, Sampling, Seen, Statistics, StopReason,
+    Summary, UnderLaw,
+};
+use carom_study::{Column, SCENE_KEY, Table, TableError, contact_columns, contact_row, state_columns};
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -34,9 +36,7 @@ const SAMPLE: f64 = 0.004;
 ///   final {time, q, qd, contacts [{contact, mode, point, normal, gap, force, normal_force, flags}]};
 ///   energy {start, end, drive, resistance, lost_in_impacts, error}, where
 ///     end = start + drive + resistance − lost_in_impacts + error;
-///   statistics {steps, rejections, evaluations, refinements, contact_steps, step_error (rad or m),
-///     worst_residual, energy_gained (J), non_unique_time (s), neglected_frictions, neglected_bound,
-///     neglected_depth}.
+///   statistics {the numbers listed at the end}.
 /// JSON keys with --sensitivity: sensitivity {names (of the columns: q and qd of the start by joint,
 ///   then parameters); final [{of, by}], a row for each number of the final state; events [{time,
 ///   kinds, time_by}]; broken {time, reason} instead of final where the derivatives end}.
@@ -46,7 +46,7 @@ const SAMPLE: f64 = 0.004;
 /// An interruption of --runs ends them early: the answer and the table, under the name X.partial.csv
 /// or X.partial.parquet, are those of the runs so far, and the exit status is 1.
 #[derive(Args)]
-#[command(verbatim_doc_comment)]
+#[command(verbatim_doc_comment, after_long_help = statistics())]
 pub struct Simulate {
     /// Scene (TOML file)
     #[arg(value_name = "SCENE.toml")]
@@ -106,106 +106,42 @@ pub struct Simulate {
 }
 
 #[derive(Serialize)]
-struct Summary<'a> {
+struct Answer<'a> {
     joints: Vec<&'a str>,
-    stop_reason: &'static str,
-    mode: &'static str,
-    events: Vec<Happened<'a>>,
+    stop_reason: StopReason,
+    mode: ContactMode,
+    events: Vec<NamedEvent<'a>>,
     r#final: Last<'a>,
-    energy: Energy,
-    statistics: Cost,
+    energy: EnergyBooks,
+    statistics: Statistics,
     #[serde(skip_serializing_if = "Option::is_none")]
     sensitivity: Option<Sensitivity>,
 }
 
 #[derive(Serialize)]
-struct Happened<'a> {
-    time: f64,
-    kind: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    contact: Option<&'a str>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    contacts: Vec<&'a str>,
-    q: &'a [f64],
-    qd_minus: &'a [f64],
-    qd_plus: &'a [f64],
-    #[serde(skip_serializing_if = "Option::is_none")]
-    reason: Option<&'static str>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    flags: Vec<&'static str>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    impact: Option<Impact>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    impulses: Vec<Push<'a>>,
-}
-
-/// One impulse on the robot.
-#[derive(Serialize)]
-struct Push<'a> {
-    contact: &'a str,
-    point: [f64; 3],
-    impulse: [f64; 3],
-}
-
-#[derive(Serialize)]
-struct Impact {
-    law: &'static str,
-    impulse: [f64; 3],
-    u_minus: [f64; 3],
-    u_plus: [f64; 3],
-    energy_before: f64,
-    energy_after: f64,
-    mode: &'static str,
-    normal_work: f64,
-    friction_work: f64,
-    flags: Vec<&'static str>,
-}
-
-#[derive(Serialize)]
 struct Last<'a> {
-    time: f64,
-    q: &'a [f64],
-    qd: &'a [f64],
-    contacts: Vec<Lasting<'a>>,
+    #[serde(flatten)]
+    moment: &'a Moment,
+    contacts: Vec<AtContact<'a, ContactState>>,
 }
 
-/// A lasting contact.
-#[derive(Serialize)]
-struct Lasting<'a> {
-    contact: &'a str,
-    mode: &'static str,
-    point: [f64; 3],
-    normal: [f64; 3],
-    gap: f64,
-    force: [f64; 3],
-    normal_force: f64,
-    flags: Vec<&'static str>,
-}
-
-#[derive(Serialize)]
-struct Energy {
-    start: f64,
-    end: f64,
-    drive: f64,
-    resistance: f64,
-    lost_in_impacts: f64,
-    error: f64,
-}
-
-#[derive(Serialize)]
-struct Cost {
-    steps: usize,
-    rejections: usize,
-    evaluations: usize,
-    refinements: usize,
-    contact_steps: usize,
-    step_error: f64,
-    worst_residual: f64,
-    energy_gained: f64,
-    non_unique_time: f64,
-    neglected_frictions: usize,
-    neglected_bound: f64,
-    neglected_depth: f64,
+/// The statistics and what they say, for the help.
+fn statistics() -> String {
+    const COLUMNS: usize = 98;
+    let mut text = "Keys of statistics:".to_owned();
+    for (name, about) in Statistics::FIELDS {
+        text += &format!("\n  {name:20}");
+        let mut length = 0;
+        for word in about.split_whitespace() {
+            if length + 1 + word.chars().count() > COLUMNS - 22 {
+                text += &format!("\n{:22}", "");
+                length = 0;
+            }
+            text += &format!(" {word}");
+            length += 1 + word.chars().count();
+        }
+    }
+    text
 }
 
 impl Simulate {
@@ -242,18 +178,18 @@ impl Simulate {
             sensitivity::check(&self.scene, &plan)?;
         }
         let sim = &plan.simulation;
-        let mut tables = Tables::begin([csv, parquet], &sim.chain, &scene.text)?;
-        let mut contacts = ContactTable::begin(self.contacts.as_deref(), sim, &scene.text)?;
+        let mut states = Tables::begin([csv, parquet], &state_columns(&sim.chain), &scene.text)?;
+        let mut contacts = Tables::begin([self.contacts.as_deref()], &contact_columns(sim), &scene.text)?;
         let mut recorder = Recorder::begin(&self.record, &scene, &plan)?;
-        let sampled = !tables.tables.is_empty() || contacts.table.is_some() || recorder.is_some();
+        let sampled = [&states, &contacts].iter().any(|it| !it.tables.is_empty()) || recorder.is_some();
         let every = sampled.then(|| scene.sample.unwrap_or(SAMPLE));
         let mut events = Vec::new();
         let sampling = Sampling { every, dense: false };
         let run = plan.stream(scene.duration, sampling, &mut |seen| {
             match &seen {
-                Seen::Moment(moment) => tables.row(moment),
+                Seen::Moment(Moment { time, q, qd }) => states.row(&[&[*time], &q[..], qd].concat()),
                 Seen::Event(event) => events.push((*event).clone()),
-                Seen::Contacts(time, states) => contacts.rows(*time, states),
+                Seen::Contacts(time, all) => all.iter().for_each(|state| contacts.row(&contact_row(*time, state))),
                 Seen::Segment(_) => {}
             }
             if let Some(recorder) = &mut recorder {
@@ -266,147 +202,42 @@ impl Simulate {
         }
         let derivatives = self.sensitivity.then(|| Sensitivity::of(&plan, scene.duration));
         let derivatives = derivatives.transpose().map_err(refuse)?;
-        tables.finish()?;
+        states.finish()?;
         contacts.finish()?;
         if let Some(recorder) = recorder {
             recorder.finish(&run)?;
         }
-        let summary = Summary { sensitivity: derivatives, ..summary(&plan, &events, &run) };
-        let written = answer(out, &summary, self.json, |summary, out| {
-            for_people(sim, &events, &run, out)?;
-            summary.sensitivity.as_ref().map_or(Ok(()), |derivatives| derivatives.for_people(out))
+        let whole = Answer {
+            joints: moving_joints(&plan),
+            stop_reason: run.stop,
+            mode: run.mode,
+            events: events.iter().map(|event| event.named(&sim.touches)).collect(),
+            r#final: Last {
+                moment: &run.last,
+                contacts: run.contacts.iter().map(|state| state.named(&sim.touches)).collect(),
+            },
+            energy: run.energy,
+            statistics: run.statistics,
+            sensitivity: derivatives,
+        };
+        let written = answer(out, &whole, self.json, |whole, out| {
+            for_people(&whole.events, &run, out)?;
+            whole.sensitivity.as_ref().map_or(Ok(()), |derivatives| derivatives.for_people(out))
         });
         written.map_err(|refused| CliError::refused(&self.scene, refused))
-    }
-}
-
-fn lasting<'a>(sim: &'a Simulation, state: &ContactState) -> Lasting<'a> {
-    Lasting {
-        contact: &sim.touches[state.touch].name,
-        mode: state.mode.name(),
-        point: state.point.into(),
-        normal: state.normal.into(),
-        gap: state.gap,
-        force: state.force.into(),
-        normal_force: state.normal_force,
-        flags: state.flags.names().collect(),
-    }
-}
-
-fn summary<'a>(plan: &'a Plan, events: &'a [Event], run: &'a carom_sim::Summary) -> Summary<'a> {
-    let sim = &plan.simulation;
-    let happened = |e: &'a Event| Happened {
-        time: e.time,
-        kind: e.kind.name(),
-        contact: contact(sim, &e.kind),
-        contacts: several(&e.kind).iter().map(|touch| sim.touches[*touch].name.as_str()).collect(),
-        q: &e.q,
-        qd_minus: &e.qd_minus,
-        qd_plus: &e.qd_plus,
-        reason: reason(&e.kind),
-        flags: match &e.kind {
-            EventKind::Several { flags, .. } => flags.names().collect(),
-            _ => Vec::new(),
-        },
-        impact: match &e.kind {
-            EventKind::Impact { touch, hit } => Some(Impact {
-                law: sim.touches[*touch].contact.law.name(),
-                impulse: hit.impulse.into(),
-                u_minus: hit.u_minus.into(),
-                u_plus: hit.u_plus.into(),
-                energy_before: hit.energy_before,
-                energy_after: hit.energy_after,
-                mode: hit.mode.name(),
-                normal_work: hit.contact.normal_work,
-                friction_work: hit.contact.friction_work,
-                flags: hit.flags.names().collect(),
-            }),
-            _ => None,
-        },
-        impulses: e
-            .impulses
-            .iter()
-            .map(|one| Push {
-                contact: &sim.touches[one.touch].name,
-                point: one.point.into(),
-                impulse: one.impulse.into(),
-            })
-            .collect(),
-    };
-    let energy = run.energy;
-    let s = run.statistics;
-    Summary {
-        joints: moving_joints(plan),
-        stop_reason: run.stop.name(),
-        mode: run.mode.name(),
-        events: events.iter().map(happened).collect(),
-        r#final: Last {
-            time: run.last.time,
-            q: &run.last.q,
-            qd: &run.last.qd,
-            contacts: run.contacts.iter().map(|state| lasting(sim, state)).collect(),
-        },
-        energy: Energy {
-            start: energy.start,
-            end: energy.end,
-            drive: energy.drive,
-            resistance: energy.resistance,
-            lost_in_impacts: energy.impacts,
-            error: energy.error(),
-        },
-        statistics: Cost {
-            steps: s.steps,
-            rejections: s.rejections,
-            evaluations: s.evaluations,
-            refinements: s.refinements,
-            contact_steps: s.contact_steps,
-            step_error: s.step_error,
-            worst_residual: s.worst_residual,
-            energy_gained: s.energy_gained,
-            non_unique_time: s.non_unique_time,
-            neglected_frictions: s.neglected,
-            neglected_bound: s.neglected_bound,
-            neglected_depth: s.neglected_depth,
-        },
-        sensitivity: None,
-    }
-}
-
-fn contact<'a>(sim: &'a Simulation, kind: &'a EventKind) -> Option<&'a str> {
-    match kind {
-        EventKind::Limit { joint, .. } | EventKind::Joint { joint, .. } => Some(joint),
-        other => other.touch().map(|touch| sim.touches[touch].name.as_str()),
-    }
-}
-
-/// The contacts of an event of several.
-fn several(kind: &EventKind) -> &[usize] {
-    match kind {
-        EventKind::Several { touches, .. } | EventKind::NonUnique { touches, .. } => touches,
-        _ => &[],
-    }
-}
-
-/// Why time steps begin, or why the motion is not unique.
-fn reason(kind: &EventKind) -> Option<&'static str> {
-    match kind {
-        EventKind::NonUnique { reason, .. } => Some(reason.name()),
-        EventKind::Steps { reason } => Some(reason.name()),
-        _ => None,
     }
 }
 
 /// Number of contacts of one event that are listed for people; `--json` has all.
 const LISTED: usize = 8;
 
-fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out: &mut dyn Write) -> io::Result<()> {
+fn for_people(events: &[NamedEvent], run: &Summary, out: &mut dyn Write) -> io::Result<()> {
     for event in events {
-        let what = contact(sim, &event.kind).or(reason(&event.kind)).unwrap_or("");
-        let mut line = format!("{:>14} s  {:10} {what}", short(event.time), event.kind.name());
-        let touches = several(&event.kind);
-        if !touches.is_empty() {
-            let names: Vec<&str> = touches.iter().map(|&touch| sim.touches[touch].name.as_str()).collect();
-            if reason(&event.kind).is_some() {
+        let what = event.contact.or(event.reason).unwrap_or("");
+        let mut line = format!("{:>14} s  {:10} {what}", short(event.time), event.kind);
+        let names = &event.contacts;
+        if !names.is_empty() {
+            if event.reason.is_some() {
                 line += ": ";
             }
             let listed = if names.len() > LISTED + 1 { LISTED } else { names.len() };
@@ -415,12 +246,10 @@ fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out:
                 line += &format!(" and {} more", names.len() - listed);
             }
         }
-        if let EventKind::Several { flags, .. } = &event.kind
-            && !flags.is_empty()
-        {
-            line += &format!(": {flags}");
+        if !event.flags.is_empty() {
+            line += &format!(": {}", event.flags.join(", "));
         }
-        if let EventKind::Impact { hit, .. } = &event.kind {
+        if let Some(UnderLaw { hit, .. }) = event.impact {
             let [u_minus, u_plus] =
                 [hit.u_minus, hit.u_plus].map(|u| u.iter().map(|x| short(*x)).collect::<Vec<_>>().join(" "));
             let impulse = short(hit.impulse.norm());
@@ -459,37 +288,39 @@ fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out:
     if s.non_unique_time > 0.0 {
         writeln!(out, "the motion is not unique for {} s: see the events", short(s.non_unique_time))?;
     }
-    if s.neglected > 0 {
+    if s.neglected_frictions > 0 {
         let bound = short(s.neglected_bound);
         writeln!(
             out,
             "friction left out of {} impacts: velocity error of the contact point at most {bound} of its speed before the impact",
-            s.neglected
+            s.neglected_frictions
         )?;
     }
     Ok(())
 }
 
-/// The tables that are being written; keeps the first error.
+/// Tables of the same rows that are being written; keeps the first error.
 struct Tables {
     tables: Vec<Table>,
     failed: Option<TableError>,
 }
 
 impl Tables {
-    fn begin(paths: [Option<&Path>; 2], chain: &Chain, scene: &str) -> Result<Self, CliError> {
-        let columns = state_columns(chain);
-        let tables = paths.into_iter().flatten().map(|path| Table::create_with(path, &columns));
+    fn begin<'a>(
+        paths: impl IntoIterator<Item = Option<&'a Path>>,
+        columns: &[Column],
+        scene: &str,
+    ) -> Result<Self, CliError> {
+        let tables = paths.into_iter().flatten().map(|path| Table::create_with(path, columns));
         let mut tables = tables.collect::<Result<Vec<_>, _>>()?;
         tables.iter_mut().for_each(|table| table.describe(SCENE_KEY, scene));
         Ok(Self { tables, failed: None })
     }
 
-    fn row(&mut self, moment: &Moment) {
-        let numbers: Vec<f64> = std::iter::once(moment.time).chain(moment.q.clone()).chain(moment.qd.clone()).collect();
+    fn row(&mut self, numbers: &[f64]) {
         for table in &mut self.tables {
             if self.failed.is_none() {
-                self.failed = table.row(&numbers).err();
+                self.failed = table.row(numbers).err();
             }
         }
     }
@@ -499,35 +330,5 @@ impl Tables {
             return Err(error.into());
         }
         Ok(self.tables.into_iter().try_for_each(Table::finish)?)
-    }
-}
-
-/// The table of lasting contacts.
-struct ContactTable {
-    table: Option<Table>,
-    failed: Option<TableError>,
-}
-
-impl ContactTable {
-    fn begin(path: Option<&Path>, sim: &Simulation, scene: &str) -> Result<Self, CliError> {
-        let mut table = path.map(|path| Table::create_with(path, &contact_columns(sim))).transpose()?;
-        table.iter_mut().for_each(|table| table.describe(SCENE_KEY, scene));
-        Ok(Self { table, failed: None })
-    }
-
-    fn rows(&mut self, time: f64, states: &[ContactState]) {
-        let Some(table) = &mut self.table else { return };
-        for state in states {
-            if self.failed.is_none() {
-                self.failed = table.row(&contact_row(time, state)).err();
-            }
-        }
-    }
-
-    fn finish(self) -> Result<(), CliError> {
-        if let Some(error) = self.failed {
-            return Err(error.into());
-        }
-        Ok(self.table.map_or(Ok(()), Table::finish)?)
     }
 }

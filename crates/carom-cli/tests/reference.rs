@@ -121,28 +121,20 @@ fn columns_of_a_chart_and_of_the_paper_are_those_of_the_page() {
     assert_eq!(tables, page.lines().filter(|line| line.starts_with("### `fig") || *line == "### `table1.csv`").count());
 }
 
-/// Every command stands on the page with its help, whole and as it is printed.
+/// Every command stands on the page with the command that prints its help, which the book shows below it.
 #[test]
 fn help_of_every_command_is_on_the_page() {
     let (page, desk) = (page("reference-cli.md"), folder());
-    let block = |command: &str| {
-        let (_, after) = page.split_once(&format!("```sh\n{command}\n```\n\n```text\n")).unwrap_or_else(|| {
-            panic!("the page has no block `{command}` with a block of text directly after it");
-        });
-        after.split_once("```").unwrap().0.to_owned()
-    };
-    let lines = |text: &str| text.lines().map(|line| line.trim_end().to_owned()).collect::<Vec<_>>().join("\n");
     let general = carom(&desk, "--help");
-    assert_eq!(lines(&block("carom --help")), lines(&general));
     let commands = general.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
     let names: Vec<&str> = commands
         .filter(|line| line.starts_with("  ") && !line.starts_with("   "))
         .filter_map(|line| line.split_whitespace().next())
         .filter(|name| *name != "help")
         .collect();
-    assert!(names.len() >= 13, "{names:?}");
+    assert!(names.len() >= 10, "{names:?}");
     for name in names {
-        assert_eq!(lines(&block(&format!("carom {name} --help"))), lines(&carom(&desk, &format!("{name} --help"))));
+        assert!(page.contains(&format!("```sh\ncarom {name} --help\n```\n")), "the page has no block for carom {name}");
     }
 }
 
@@ -225,6 +217,8 @@ fn keys_of_answers_are_those_of_the_page() {
         let (_, section) = page.split_once(&format!("\n## {command}\n")).unwrap();
         let section = section.split("\n## ").next().unwrap();
         let rows: Vec<&str> = section.lines().filter(|line| line.starts_with("| `")).collect();
+        let help = carom(&desk, &format!("{command} --help"));
+        let (_, listed) = help.split_once("Keys of statistics:").unwrap_or_default();
         let mut seen = BTreeSet::new();
         for (args, input) in runs {
             for line in feed(&desk, &args, input).lines() {
@@ -241,7 +235,8 @@ fn keys_of_answers_are_those_of_the_page() {
                 let key = row[3..].split('`').next().unwrap().trim_end_matches("[]");
                 path.starts_with(key) && row.contains(&format!("`{leaf}`"))
             });
-            assert!(own || above || inside, "carom {command} answers {path}, which is not on the page");
+            let listed = path.starts_with("statistics.") && listed.contains(&format!("\n  {leaf} "));
+            assert!(own || above || inside || listed, "carom {command} answers {path}, which is not on the page");
         }
         if command == "fit" {
             continue; // its section has tables of what it reads, too

@@ -184,6 +184,18 @@ pub fn together<'a, 'py: 'a>(all: impl IntoIterator<Item = (&'a str, &'a Rows<'p
     }
 }
 
+/// An array.
+pub type Array<'py> = Bound<'py, PyAny>;
+
+/// An argument of a method, and one that may be missing.
+pub type Given<'a, 'py> = &'a Bound<'py, PyAny>;
+pub type Maybe<'a, 'py> = Option<Given<'a, 'py>>;
+
+/// The array of one axis of these entries.
+pub fn list<'py>(py: Python<'py>, numbers: &[f64]) -> PyResult<Array<'py>> {
+    array(py, numbers.to_vec(), &[numbers.len()])
+}
+
 /// The array of these entries.
 pub fn array<'py>(py: Python<'py>, numbers: Vec<f64>, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
     let flat = numbers.into_pyarray(py);

@@ -1,11 +1,11 @@
 //! The class `Chain`: loading, names, limits, and the geometry of configurations.
 
-use crate::array::{Numbers, Rows, Target, array, numpy, together};
+use crate::array::{Array, Given, Maybe, Numbers, Rows, Target, array, list, numpy, together};
 use crate::batch::each_row;
 use crate::error::raise;
 use crate::order;
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
-use carom_chain::{Coordinates, FrameId, Spatial, Workspace};
+use carom_chain::{ChainError, Coordinates, FrameId, Spatial, Workspace};
 use pyo3::exceptions::{PyImportError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -59,16 +59,16 @@ impl Chain {
     }
 
     /// Configurations: arrays (nq,) or (B, nq).
-    pub fn q<'py>(&self, given: &Bound<'py, PyAny>) -> PyResult<Rows<'py>> {
+    pub fn q<'py>(&self, given: Given<'_, 'py>) -> PyResult<Rows<'py>> {
         self.named_q("q", given)
     }
 
-    fn named_q<'py>(&self, what: &str, given: &Bound<'py, PyAny>) -> PyResult<Rows<'py>> {
+    fn named_q<'py>(&self, what: &str, given: Given<'_, 'py>) -> PyResult<Rows<'py>> {
         Numbers::read(what, given)?.rows(what, self.chain.nq(), || self.layout())
     }
 
     /// Vectors of length nv: arrays (nv,) or (B, nv).
-    pub fn v<'py>(&self, what: &str, given: &Bound<'py, PyAny>) -> PyResult<Rows<'py>> {
+    pub fn v<'py>(&self, what: &str, given: Given<'_, 'py>) -> PyResult<Rows<'py>> {
         Numbers::read(what, given)?.rows(what, self.chain.nv(), || self.layout())
     }
 
@@ -104,6 +104,52 @@ impl Chain {
     }
 }
 
+/// Writes into `out` the numbers that `work` makes of the rows of two arguments, `width` for each state.
+fn of_two<'py>(
+    py: Python<'py>,
+    given: [(&str, &Rows<'py>); 2],
+    (width, out): (usize, Maybe<'_, 'py>),
+    work: impl Fn(&[f64], &[f64]) -> Result<Vec<f64>, ChainError> + Sync + Send,
+) -> PyResult<Array<'py>> {
+    let count = together(given)?;
+    let mut target = Target::new(out, count, &[width])?;
+    let [first, second] = given.map(|(_, rows)| rows.plain());
+    let one = |(): &mut (), k: usize, out: &mut [f64]| {
+        work(first.row(k), second.row(k)).map(|moved| out.copy_from_slice(&moved))
+    };
+    each_row(py, count, target.slice(), width, || (), one)?;
+    target.finish(py)
+}
+
+getters! { Chain, self, py {
+    /// Name of the robot.
+    name: &str = self.chain.name();
+    /// Length of q.
+    nq: usize = self.chain.nq();
+    /// Length of qd: the degrees of freedom.
+    nv: usize = self.chain.nv();
+    /// Names of the joints that have entries in q and qd, in their order.
+    joints: Vec<&str> = self.joint_names();
+    /// Names of the frames, one for each link, in the order of the file.
+    frames: Vec<&str> = self.chain.frames().iter().map(|frame| frame.name.as_str()).collect();
+    /// Sum of the masses of all links, kg.
+    total_mass: f64 = self.chain.total_mass();
+    /// Names of the links that move without mass. Dynamics are refused if there are any.
+    massless_links: Vec<&str> = self.chain.massless_links();
+    /// What loading has found odd in the file, one sentence each.
+    warnings: Vec<String> = self.chain.report().warnings.clone();
+    /// The changes that `repair` has made, one sentence each.
+    repairs: Vec<String> = self.chain.report().repairs.iter().map(ToString::to_string).collect();
+    /// Lower limits of the positions, shape (nv,), rad or m; -inf without a limit and for floating and planar joints.
+    lower: Array<'py> = list(py, &self.limit(|joint| joint.limits.lower, f64::NEG_INFINITY))?;
+    /// Upper limits of the positions, shape (nv,), rad or m; inf without a limit and for floating and planar joints.
+    upper: Array<'py> = list(py, &self.limit(|joint| joint.limits.upper, f64::INFINITY))?;
+    /// Limits of the speeds, shape (nv,), rad/s or m/s; inf without a limit.
+    velocity_limit: Array<'py> = list(py, &self.limit(|joint| joint.limits.velocity, f64::INFINITY))?;
+    /// Limits of the efforts, shape (nv,), N m or N; inf without a limit.
+    effort_limit: Array<'py> = list(py, &self.limit(|joint| joint.limits.effort, f64::INFINITY))?;
+} }
+
 #[pymethods]
 impl Chain {
     /// Reads a URDF: the path of a file, or the text of one.
@@ -122,7 +168,7 @@ impl Chain {
     #[pyo3(signature = (source, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new()))]
     fn from_urdf(
         py: Python<'_>,
-        source: &Bound<'_, PyAny>,
+        source: Given,
         floating: bool,
         meshes: bool,
         repair: bool,
@@ -196,60 +242,6 @@ impl Chain {
         Ok(carom_chain::uniform_chain(links, length, mass).map_err(raise)?.into())
     }
 
-    /// Name of the robot.
-    #[getter]
-    fn name(&self) -> &str {
-        self.chain.name()
-    }
-
-    /// Length of q.
-    #[getter]
-    fn nq(&self) -> usize {
-        self.chain.nq()
-    }
-
-    /// Length of qd: the degrees of freedom.
-    #[getter]
-    fn nv(&self) -> usize {
-        self.chain.nv()
-    }
-
-    /// Names of the joints that have entries in q and qd, in their order.
-    #[getter]
-    fn joints(&self) -> Vec<&str> {
-        self.joint_names()
-    }
-
-    /// Names of the frames, one for each link, in the order of the file.
-    #[getter]
-    fn frames(&self) -> Vec<&str> {
-        self.chain.frames().iter().map(|frame| frame.name.as_str()).collect()
-    }
-
-    /// Sum of the masses of all links, kg.
-    #[getter]
-    fn total_mass(&self) -> f64 {
-        self.chain.total_mass()
-    }
-
-    /// Names of the links that move without mass. Dynamics are refused if there are any.
-    #[getter]
-    fn massless_links(&self) -> Vec<&str> {
-        self.chain.massless_links()
-    }
-
-    /// What loading has found odd in the file, one sentence each.
-    #[getter]
-    fn warnings(&self) -> Vec<String> {
-        self.chain.report().warnings.clone()
-    }
-
-    /// The changes that `repair` has made, one sentence each.
-    #[getter]
-    fn repairs(&self) -> Vec<String> {
-        self.chain.report().repairs.iter().map(ToString::to_string).collect()
-    }
-
     /// The joints of the file: a list of dicts with name, type, parent, child, the slices q and v of its entries (None for
     /// fixed and mimic joints), mimic (None, or joint, multiplier and offset), lower, upper, velocity, effort (None without a
     /// limit), damping and friction.
@@ -258,58 +250,25 @@ impl Chain {
         let slice =
             |range: &std::ops::Range<usize>| pyo3::types::PySlice::new(py, range.start as isize, range.end as isize, 1);
         let row = |joint: &carom_chain::JointInfo| {
-            let row = PyDict::new(py);
-            row.set_item("name", &joint.name)?;
-            row.set_item("type", joint.kind.name())?;
-            row.set_item("parent", &joint.parent)?;
-            row.set_item("child", &joint.child)?;
             let (q, v, mimic) = match &joint.coordinates {
                 Coordinates::Own { q, v } => (Some(slice(q)), Some(slice(v)), None),
                 Coordinates::Follows { joint, multiplier, offset } => (None, None, Some((joint, *multiplier, *offset))),
                 Coordinates::None => (None, None, None),
             };
-            row.set_item("q", q)?;
-            row.set_item("v", v)?;
-            row.set_item("mimic", mimic)?;
             let limits = &joint.limits;
-            row.set_item("lower", limits.lower)?;
-            row.set_item("upper", limits.upper)?;
-            row.set_item("velocity", limits.velocity)?;
-            row.set_item("effort", limits.effort)?;
-            row.set_item("damping", joint.damping)?;
-            row.set_item("friction", joint.friction)?;
-            Ok(row)
+            Ok(dict! { py,
+                "name": &joint.name, "type": joint.kind.name(), "parent": &joint.parent, "child": &joint.child,
+                "q": q, "v": v, "mimic": mimic,
+                "lower": limits.lower, "upper": limits.upper, "velocity": limits.velocity, "effort": limits.effort,
+                "damping": joint.damping, "friction": joint.friction,
+            })
         };
         self.chain.joints().iter().map(row).collect()
     }
 
-    /// Lower limits of the positions, shape (nv,), rad or m; -inf without a limit and for floating and planar joints.
-    #[getter]
-    fn lower<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.limit(|joint| joint.limits.lower, f64::NEG_INFINITY), &[self.chain.nv()])
-    }
-
-    /// Upper limits of the positions, shape (nv,), rad or m; inf without a limit and for floating and planar joints.
-    #[getter]
-    fn upper<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.limit(|joint| joint.limits.upper, f64::INFINITY), &[self.chain.nv()])
-    }
-
-    /// Limits of the speeds, shape (nv,), rad/s or m/s; inf without a limit.
-    #[getter]
-    fn velocity_limit<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.limit(|joint| joint.limits.velocity, f64::INFINITY), &[self.chain.nv()])
-    }
-
-    /// Limits of the efforts, shape (nv,), N m or N; inf without a limit.
-    #[getter]
-    fn effort_limit<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.limit(|joint| joint.limits.effort, f64::INFINITY), &[self.chain.nv()])
-    }
-
     /// The configuration in which all coordinates are zero and quaternions are the identity, shape (nq,).
-    fn neutral<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.chain.zero_configuration(), &[self.chain.nq()])
+    fn neutral<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        list(py, &self.chain.zero_configuration())
     }
 
     /// Random configurations: uniform within the position limits of the joints, within ±π rad or ±1 m without limits;
@@ -322,9 +281,9 @@ impl Chain {
     fn random_configuration<'py>(
         &self,
         py: Python<'py>,
-        rng: Option<&Bound<'py, PyAny>>,
+        rng: Maybe<'_, 'py>,
         size: Option<usize>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<Array<'py>> {
         let (nq, rows) = (self.chain.nq(), size.unwrap_or(1));
         let rng = numpy(py)?.getattr("random")?.call_method1("default_rng", (rng,))?;
         let draw = |name: &str| Numbers::read(name, &rng.call_method1(name, ((rows, nq),))?);
@@ -369,26 +328,13 @@ impl Chain {
     fn integrate<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        qd: &Bound<'py, PyAny>,
+        q: Given<'_, 'py>,
+        qd: Given<'_, 'py>,
         dt: f64,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let (q, qd) = (self.q(q)?, self.v("qd", qd)?);
-        let count = together([("q", &q), ("qd", &qd)])?;
-        let mut target = Target::new(out, count, &[self.chain.nq()])?;
-        let (chain, nq, slice) = (&self.chain, self.chain.nq(), target.slice());
-        let (q, qd) = (q.plain(), qd.plain());
-        let done = each_row(
-            py,
-            count,
-            slice,
-            nq,
-            || (),
-            |(), k, out| chain.integrate(q.row(k), qd.row(k), dt).map(|moved| out.copy_from_slice(&moved)),
-        );
-        done?;
-        target.finish(py)
+        out: Maybe<'_, 'py>,
+    ) -> PyResult<Array<'py>> {
+        let given = [("q", &self.q(q)?), ("qd", &self.v("qd", qd)?)];
+        of_two(py, given, (self.chain.nq(), out), |q, qd| self.chain.integrate(q, qd, dt))
     }
 
     /// The constant velocity that moves the chain from q_from to q_to in one second; shape (nv,) or (B, nv).
@@ -399,29 +345,16 @@ impl Chain {
     fn difference<'py>(
         &self,
         py: Python<'py>,
-        q_from: &Bound<'py, PyAny>,
-        q_to: &Bound<'py, PyAny>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let (from, to) = (self.named_q("q_from", q_from)?, self.named_q("q_to", q_to)?);
-        let count = together([("q_from", &from), ("q_to", &to)])?;
-        let mut target = Target::new(out, count, &[self.chain.nv()])?;
-        let (chain, nv, slice) = (&self.chain, self.chain.nv(), target.slice());
-        let (from, to) = (from.plain(), to.plain());
-        let done = each_row(
-            py,
-            count,
-            slice,
-            nv,
-            || (),
-            |(), k, out| chain.difference(from.row(k), to.row(k)).map(|moved| out.copy_from_slice(&moved)),
-        );
-        done?;
-        target.finish(py)
+        q_from: Given<'_, 'py>,
+        q_to: Given<'_, 'py>,
+        out: Maybe<'_, 'py>,
+    ) -> PyResult<Array<'py>> {
+        let given = [("q_from", &self.named_q("q_from", q_from)?), ("q_to", &self.named_q("q_to", q_to)?)];
+        of_two(py, given, (self.chain.nv(), out), |from, to| self.chain.difference(from, to))
     }
 
     /// The positions of joints of one degree of freedom that are outside their limits at q (shape (nq,)), one sentence each.
-    fn outside_limits(&self, q: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    fn outside_limits(&self, q: Given) -> PyResult<Vec<String>> {
         let q = self.q(q)?;
         Ok(self.chain.outside_limits(q.plain().row(0)).iter().map(ToString::to_string).collect())
     }
@@ -432,30 +365,20 @@ impl Chain {
     /// Raises:
     ///     ChainError: a planar joint, whose axis Pinocchio does not read.
     #[pyo3(signature = (q, v=None))]
-    fn to_pinocchio<'py>(
-        &self,
-        py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        v: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    fn to_pinocchio<'py>(&self, py: Python<'py>, q: Given<'_, 'py>, v: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
         order::to_pinocchio(py, self, q, v)
     }
 
     /// The inverse of `to_pinocchio`; the positions of mimic joints are ignored.
     #[pyo3(name = "from_pinocchio", signature = (q, v=None))]
-    fn of_pinocchio<'py>(
-        &self,
-        py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        v: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    fn of_pinocchio<'py>(&self, py: Python<'py>, q: Given<'_, 'py>, v: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
         order::from_pinocchio(py, self, q, v)
     }
 
     fn __repr__(&self) -> String {
-        let (name, nq, nv, links) = (self.name(), self.nq(), self.nv(), self.chain.frames().len());
+        let (name, nq, nv, links) = (self.chain.name(), self.chain.nq(), self.chain.nv(), self.chain.frames().len());
         // Six digits: a sum of masses has more, of rounding.
-        let mass = self.total_mass();
+        let mass = self.chain.total_mass();
         let mass = format!("{mass:.5e}").parse().unwrap_or(mass);
         format!("<carom.Chain '{name}': nq {nq}, nv {nv}, {links} links, {mass} kg>")
     }

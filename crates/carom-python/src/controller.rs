@@ -1,6 +1,6 @@
 //! Controllers written in Python.
 
-use crate::array::array;
+use crate::array::list;
 use crate::callable::Callable;
 use carom_chain::Coordinates;
 use carom_sim::{Controller, Drive, Moment, Observed, Plan, Sampling, Seen, SimError, StopReason, Summary};
@@ -94,7 +94,7 @@ impl Controller for PythonController {
 
     fn forces(&self, now: &Observed, forces: &mut [f64]) -> Result<(), SimError> {
         let arguments = |py: Python<'_>| {
-            let array = |numbers: &[f64]| Ok::<_, PyErr>(array(py, numbers.to_vec(), &[numbers.len()])?.unbind());
+            let array = |numbers: &[f64]| Ok::<_, PyErr>(list(py, numbers)?.unbind());
             Ok((now.time, array(now.q)?, array(now.qd)?))
         };
         let fail = |reason| SimError::UsersController { controller: self.0.name.clone(), reason };

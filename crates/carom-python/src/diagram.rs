@@ -1,6 +1,6 @@
 //! Diagrams that compare laws, as data and as pictures.
 
-use crate::array::{Numbers, array, shown};
+use crate::array::{Given, Numbers, array, list, shown};
 use crate::error::exceptions::{ImpactError, StateError};
 use crate::laws::problem;
 use crate::outcome::Outcome;
@@ -30,8 +30,8 @@ use pyo3::types::PyDict;
 #[allow(non_snake_case)] // the name of the matrix in the literature
 pub fn diagram<'py>(
     py: Python<'py>,
-    H: &Bound<'py, PyAny>,
-    u: &Bound<'py, PyAny>,
+    H: Given<'_, 'py>,
+    u: Given<'_, 'py>,
     friction: f64,
     outcomes: Vec<Bound<'py, Outcome>>,
 ) -> PyResult<Bound<'py, PyDict>> {
@@ -70,12 +70,9 @@ fn data<'py>(py: Python<'py>, drawn: &Diagram<2>) -> PyResult<Bound<'py, PyDict>
             Stroke::Thin => "thin",
             Stroke::Thick => "thick",
         };
-        let one = PyDict::new(py);
-        one.set_item("name", &shape.name)?;
-        one.set_item("colour", colour(shape.colour))?;
-        one.set_item("stroke", stroke)?;
-        one.set_item("pieces", shape.pieces.iter().map(|piece| pairs(piece)).collect::<PyResult<Vec<_>>>()?)?;
-        shapes.push(one);
+        let pieces = shape.pieces.iter().map(|piece| pairs(piece)).collect::<PyResult<Vec<_>>>()?;
+        let colour = colour(shape.colour);
+        shapes.push(dict! { py, "name": &shape.name, "colour": colour, "stroke": stroke, "pieces": pieces });
     }
     let mut marks = Vec::new();
     for mark in &drawn.marks {
@@ -85,20 +82,16 @@ fn data<'py>(py: Python<'py>, drawn: &Diagram<2>) -> PyResult<Bound<'py, PyDict>
             Symbol::Turn => "turn",
             Symbol::Stop => "stop",
         };
-        let one = PyDict::new(py);
-        one.set_item("name", &mark.name)?;
-        one.set_item("colour", colour(mark.colour))?;
-        one.set_item("symbol", symbol)?;
-        one.set_item("at", array(py, mark.at.to_vec(), &[2])?)?;
-        marks.push(one);
+        let (colour, at) = (colour(mark.colour), list(py, &mark.at)?);
+        marks.push(dict! { py, "name": &mark.name, "colour": colour, "symbol": symbol, "at": at });
     }
-    let dict = PyDict::new(py);
-    dict.set_item("title", &drawn.title)?;
-    dict.set_item("axes", drawn.axes.clone())?;
-    dict.set_item("window", pairs(&drawn.window)?)?;
-    dict.set_item("equal_scales", drawn.equal_scales)?;
-    dict.set_item("shapes", shapes)?;
-    dict.set_item("marks", marks)?;
-    dict.set_item("svg", drawn.svg())?;
-    Ok(dict)
+    Ok(dict! { py,
+        "title": &drawn.title,
+        "axes": drawn.axes.clone(),
+        "window": pairs(&drawn.window)?,
+        "equal_scales": drawn.equal_scales,
+        "shapes": shapes,
+        "marks": marks,
+        "svg": drawn.svg(),
+    })
 }

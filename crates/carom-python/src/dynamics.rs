@@ -1,6 +1,6 @@
 //! Methods of `Chain`: kinematics and dynamics of a state or of a batch.
 
-use crate::array::{Target, array, together, vector};
+use crate::array::{Array, Given, Maybe, Target, array, together, vector};
 use crate::batch::each_row;
 use crate::chain::Chain;
 use crate::error::raise;
@@ -9,10 +9,6 @@ use nalgebra::{DMatrix, Vector3};
 use pyo3::prelude::*;
 
 type Kin<'a> = Kinematics<'a, Spatial<f64>>;
-
-/// An argument of a method, and one that may be missing.
-type Given<'a, 'py> = &'a Bound<'py, PyAny>;
-type Maybe<'a, 'py> = Option<Given<'a, 'py>>;
 
 impl Chain {
     /// Reads configurations and `vectors` of length nv with their names, computes `work` at each state, and writes its numbers
@@ -24,7 +20,7 @@ impl Chain {
         vectors: [(&'static str, Given<'_, 'py>); N],
         (each, out): (&[usize], Maybe<'_, 'py>),
         work: impl Fn(&mut Kin, [&[f64]; N], &mut [f64]) -> Result<(), ChainError> + Sync + Send,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<Array<'py>> {
         let (q, chain) = (self.q(q)?, &*self.chain);
         let given = vectors.map(|(what, given)| self.v(what, given).map(|rows| (what, rows)));
         let given = given.into_iter().collect::<PyResult<Vec<_>>>()?;
@@ -45,18 +41,18 @@ impl Chain {
         target.finish(py)
     }
 
-    fn point(&self, frame: &str, point: Option<&Bound<'_, PyAny>>) -> PyResult<Point<Spatial<f64>>> {
+    fn point(&self, frame: &str, point: Maybe) -> PyResult<Point<Spatial<f64>>> {
         Ok(self.chain.point(self.frame(frame)?, offset(point)?))
     }
 }
 
 /// The contact point in the axes of its frame; its origin if it is not given.
-pub fn offset(point: Option<&Bound<'_, PyAny>>) -> PyResult<Vector3<f64>> {
+pub fn offset(point: Maybe) -> PyResult<Vector3<f64>> {
     point.map_or(Ok(Vector3::zeros()), |point| Ok(vector("point", point)?.into()))
 }
 
 /// Gravity, m/s²; zero if it is not given.
-pub fn free_fall(gravity: Option<&Bound<'_, PyAny>>) -> PyResult<Vector3<f64>> {
+pub fn free_fall(gravity: Maybe) -> PyResult<Vector3<f64>> {
     gravity.map_or(Ok(Vector3::zeros()), |gravity| Ok(vector("gravity", gravity)?.into()))
 }
 
@@ -73,7 +69,7 @@ impl Chain {
     /// Raises:
     ///     StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
     #[pyo3(signature = (q, *, out=None))]
-    fn mass_matrix<'py>(&self, py: Python<'py>, q: Given<'_, 'py>, out: Maybe<'_, 'py>) -> PyResult<Bound<'py, PyAny>> {
+    fn mass_matrix<'py>(&self, py: Python<'py>, q: Given<'_, 'py>, out: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
         let nv = self.chain.nv();
         self.at_states(py, q, [], (&[nv, nv], out), |kin, [], out| {
             // A symmetric matrix has the same entries in the order of C and of Fortran.
@@ -97,7 +93,7 @@ impl Chain {
         point: Maybe<'_, 'py>,
         full: bool,
         out: Maybe<'_, 'py>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<Array<'py>> {
         let (nv, frame_id) = (self.chain.nv(), self.frame(frame)?);
         if full && point.is_some() {
             let message = "full=True gives the Jacobian of the frame's origin: leave point out";
@@ -120,13 +116,7 @@ impl Chain {
 
     /// Pose of a frame in the world, shape (4, 4) or (B, 4, 4): rotation and position (m) as a homogeneous matrix.
     #[pyo3(signature = (q, frame, *, out=None))]
-    fn pose<'py>(
-        &self,
-        py: Python<'py>,
-        q: Given<'_, 'py>,
-        frame: &str,
-        out: Maybe<'_, 'py>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    fn pose<'py>(&self, py: Python<'py>, q: Given<'_, 'py>, frame: &str, out: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
         let frame = self.frame(frame)?;
         self.at_states(py, q, [], (&[4, 4], out), |kin, [], out| {
             let pose = kin.pose(frame);
@@ -148,7 +138,7 @@ impl Chain {
         frame: &str,
         point: Maybe<'_, 'py>,
         out: Maybe<'_, 'py>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<Array<'py>> {
         let point = self.point(frame, point)?;
         self.at_states(py, q, [], (&[3], out), |kin, [], out| {
             out.copy_from_slice(kin.position(point).as_slice());
@@ -168,7 +158,7 @@ impl Chain {
         qd: Given<'_, 'py>,
         gravity: Maybe<'_, 'py>,
         out: Maybe<'_, 'py>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<Array<'py>> {
         let gravity = free_fall(gravity)?;
         self.at_states(py, q, [("qd", qd)], (&[self.chain.nv()], out), |kin, [qd], out| {
             out.copy_from_slice(kin.bias(qd, gravity)?.as_slice());
@@ -190,7 +180,7 @@ impl Chain {
         qdd: Given<'_, 'py>,
         gravity: Maybe<'_, 'py>,
         out: Maybe<'_, 'py>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<Array<'py>> {
         let gravity = free_fall(gravity)?;
         let vectors = [("qd", qd), ("qdd", qdd)];
         self.at_states(py, q, vectors, (&[self.chain.nv()], out), |kin, [qd, qdd], out| {
@@ -215,7 +205,7 @@ impl Chain {
         tau: Maybe<'_, 'py>,
         gravity: Maybe<'_, 'py>,
         out: Maybe<'_, 'py>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<Array<'py>> {
         let nv = self.chain.nv();
         let zero = array(py, vec![0.0; nv], &[nv])?;
         let (vectors, gravity) = ([("qd", qd), ("tau", tau.unwrap_or(&zero))], free_fall(gravity)?);
@@ -236,7 +226,7 @@ impl Chain {
         frame: &str,
         point: Maybe<'_, 'py>,
         out: Maybe<'_, 'py>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<Array<'py>> {
         let point = self.point(frame, point)?;
         self.at_states(py, q, [], (&[3, 3], out), |kin, [], out| {
             let response = kin.contact(point, Vector3::zeros(), &[])?;
@@ -259,7 +249,7 @@ impl Chain {
         normal: Given<'_, 'py>,
         point: Maybe<'_, 'py>,
         out: Maybe<'_, 'py>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<Array<'py>> {
         let (point, given) = (self.point(frame, point)?, vector("normal", normal)?);
         let Some(normal) = Vector3::from(given).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite())) else {
             let length = Vector3::from(given).norm();

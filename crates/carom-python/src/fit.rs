@@ -1,6 +1,6 @@
 //! Fits of coefficients to measured impacts.
 
-use crate::array::{Numbers, array, shown, vector};
+use crate::array::{Array, Given, Maybe, Numbers, array, shown, vector};
 use crate::chain::Chain;
 use crate::dynamics::offset;
 use crate::error::{exceptions, raise};
@@ -23,93 +23,54 @@ pub struct FitResult {
     fit: Fit,
 }
 
+getters! { FitResult, self, py {
+    /// What was fitted to: "velocities" or "trajectories".
+    fitted_to: &'static str, "Literal['velocities', 'trajectories']" = self.fit.to.name();
+    /// Name of the law.
+    law: &str = &self.fit.law;
+    /// Errors of the part that was fitted: a dict of "count", "mean", "median" (m/s for velocities), "below_half", "least" and
+    /// "least_in_cone".
+    train: Bound<'py, PyDict>, "dict[str, float | None]" = score(py, &self.fit.train)?;
+    /// Errors of the rest, as `train`; None if nothing is left.
+    test: Option<Bound<'py, PyDict>>, "dict[str, float | None] | None" = self.fit.test.as_ref().map(|test| score(py, test)).transpose()?;
+    /// Error of each measurement, shape (N,).
+    errors: Array<'py> = array(py, self.fit.each.iter().map(|one| one.error).collect(), &[self.fit.each.len()])?;
+    /// Whether each measurement was fitted, a list of booleans.
+    trained: Vec<bool> = self.fit.each.iter().map(|one| one.trained).collect();
+    /// Notes for the reader, one sentence each.
+    notes: Vec<String> = self.fit.notes.clone();
+    /// Number of sets of coefficients that were evaluated.
+    trials: usize = self.fit.trials;
+} }
+
 #[pymethods]
 impl FitResult {
-    /// What was fitted to: "velocities" or "trajectories".
-    #[getter]
-    fn fitted_to(&self) -> &'static str {
-        self.fit.to.name()
-    }
-
-    /// Name of the law.
-    #[getter]
-    fn law(&self) -> &str {
-        &self.fit.law
-    }
-
     /// The coefficients: a dict from "restitution", "friction" and, if asked for, "inertia scale" to dicts of "value", "low" and
     /// "high" (confidence interval) and "interval" (its method).
     #[getter]
     fn coefficients<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         for it in &self.fit.coefficients {
-            let one = PyDict::new(py);
-            one.set_item("value", it.value)?;
-            one.set_item("low", it.low)?;
-            one.set_item("high", it.high)?;
-            one.set_item("interval", it.interval.name())?;
+            let one = dict! { py, "value": it.value, "low": it.low, "high": it.high, "interval": it.interval.name() };
             all.set_item(it.name, one)?;
         }
         Ok(all)
     }
 
-    /// Errors of the part that was fitted: a dict of "count", "mean", "median" (m/s for velocities), "below_half", "least" and
-    /// "least_in_cone".
-    #[getter]
-    fn train<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        score(py, &self.fit.train)
-    }
-
-    /// Errors of the rest, as `train`; None if nothing is left.
-    #[getter]
-    fn test<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        self.fit.test.as_ref().map(|test| score(py, test)).transpose()
-    }
-
-    /// Error of each measurement, shape (N,).
-    #[getter]
-    fn errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.fit.each.iter().map(|one| one.error).collect(), &[self.fit.each.len()])
-    }
-
-    /// Whether each measurement was fitted, a list of booleans.
-    #[getter]
-    fn trained(&self) -> Vec<bool> {
-        self.fit.each.iter().map(|one| one.trained).collect()
-    }
-
-    /// Notes for the reader, one sentence each.
-    #[getter]
-    fn notes(&self) -> Vec<String> {
-        self.fit.notes.clone()
-    }
-
-    /// Number of sets of coefficients that were evaluated.
-    #[getter]
-    fn trials(&self) -> usize {
-        self.fit.trials
-    }
-
     fn __repr__(&self) -> String {
         let one = |it: &carom_study::fit::Coefficient| format!("{} {} [{}, {}]", it.name, it.value, it.low, it.high);
         let all: Vec<String> = self.fit.coefficients.iter().map(one).collect();
-        format!("<carom.Fit of {} to {}: {}>", self.fit.law, self.fitted_to(), all.join(", "))
+        format!("<carom.Fit of {} to {}: {}>", self.fit.law, self.fit.to.name(), all.join(", "))
     }
 }
 
 fn score<'py>(py: Python<'py>, score: &Score) -> PyResult<Bound<'py, PyDict>> {
-    let dict = PyDict::new(py);
-    dict.set_item("count", score.count)?;
-    dict.set_item("mean", score.mean)?;
-    dict.set_item("median", score.median)?;
-    dict.set_item("below_half", score.below_half)?;
-    for (name, both) in [("whole", score.whole), ("early", score.early)] {
-        dict.set_item(format!("{name}_mean"), both.map(|both| both.0))?;
-        dict.set_item(format!("{name}_median"), both.map(|both| both.1))?;
-    }
-    dict.set_item("least", score.least)?;
-    dict.set_item("least_in_cone", score.least_in_cone)?;
-    Ok(dict)
+    Ok(dict! { py,
+        "count": score.count, "mean": score.mean, "median": score.median, "below_half": score.below_half,
+        "whole_mean": score.whole_mean, "whole_median": score.whole_median,
+        "early_mean": score.early_mean, "early_median": score.early_median,
+        "least": score.least, "least_in_cone": score.least_in_cone,
+    })
 }
 
 /// Options of a fit as keywords.
@@ -166,9 +127,9 @@ fn of_numbers<const D: usize>(given: [&Numbers; 3], of: Make<D>) -> PyResult<Vec
 #[pyfunction]
 pub fn fit_contacts(
     py: Python<'_>,
-    delassus: &Bound<'_, PyAny>,
-    u_minus: &Bound<'_, PyAny>,
-    u_plus: &Bound<'_, PyAny>,
+    delassus: Given,
+    u_minus: Given,
+    u_plus: Given,
     options: &Bound<'_, PyDict>,
 ) -> PyResult<FitResult> {
     let options: Options = options.extract()?;
@@ -198,12 +159,12 @@ pub fn fit_contacts(
 pub fn fit_joints(
     py: Python<'_>,
     chain: &Bound<'_, Chain>,
-    q: &Bound<'_, PyAny>,
-    qd_minus: &Bound<'_, PyAny>,
-    qd_plus: &Bound<'_, PyAny>,
+    q: Given,
+    qd_minus: Given,
+    qd_plus: Given,
     frame: &str,
-    point: Option<&Bound<'_, PyAny>>,
-    normal: &Bound<'_, PyAny>,
+    point: Maybe,
+    normal: Given,
     options: &Bound<'_, PyDict>,
 ) -> PyResult<FitResult> {
     let options: Options = options.extract()?;

@@ -1,6 +1,6 @@
 //! One impact: `Chain.impact`, and its result at a single state.
 
-use crate::array::{array, vector};
+use crate::array::{Array, Given, Maybe, array, list, vector};
 use crate::chain::Chain;
 use crate::dynamics::{free_fall, offset};
 use crate::error::{exceptions, raise};
@@ -23,7 +23,7 @@ pub enum Joints {
 
 impl Joints {
     /// The argument `joints`.
-    pub fn read(chain: &Chain, given: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+    pub fn read(chain: &Chain, given: Maybe) -> PyResult<Self> {
         let Some(given) = given else { return Ok(Self::Free) };
         if let Ok(word) = given.extract::<String>() {
             return match word.as_str() {
@@ -133,7 +133,7 @@ impl Impact {
 }
 
 /// A matrix as an array.
-pub fn matrix<'py>(py: Python<'py>, m: &DMatrix<f64>) -> PyResult<Bound<'py, PyAny>> {
+pub fn matrix<'py>(py: Python<'py>, m: &DMatrix<f64>) -> PyResult<Array<'py>> {
     array(py, m.transpose().as_slice().to_vec(), &[m.nrows(), m.ncols()])
 }
 
@@ -152,103 +152,50 @@ pub const FLAGS: [(&str, Flags); 6] = [
     ("no-approach", Flags::NO_APPROACH),
 ];
 
+getters! { Impact, self, py {
+    /// Joint velocities after the impact, shape (nv,); rad/s, m/s.
+    qd_plus: Array<'py> = list(py, &self.hit.qd_plus)?;
+    /// Impulse on the robot, shape (3,), world axes, N s.
+    impulse: Array<'py> = list(py, self.hit.impulse.as_slice())?;
+    /// Velocity of the contact point before the impact, shape (3,), world axes, m/s.
+    u_minus: Array<'py> = list(py, self.hit.u_minus.as_slice())?;
+    /// Velocity of the contact point after the impact, shape (3,), world axes, m/s.
+    u_plus: Array<'py> = list(py, self.hit.u_plus.as_slice())?;
+    /// Kinetic energy of the robot before the impact, J.
+    energy_before: f64 = self.hit.energy_before;
+    /// Kinetic energy of the robot after the impact, J.
+    energy_after: f64 = self.hit.energy_after;
+    /// T⁺/T⁻ of the robot; 1 at rest.
+    energy_ratio: f64 = self.hit.energy_ratio();
+    /// Contact mode at the end of the impact: "open", "stick", "slip" or "reverse-slip".
+    mode: &'static str, "_Mode" = self.hit.mode.name();
+    /// Name of the law.
+    law: &'static str = self.hit.contact.law;
+    /// Names of the flags that are set, of "energy-gain", "jam", "singular", "grazing", "non-unique", "no-approach".
+    flags: Vec<&'static str> = self.hit.flags.names().collect();
+    /// Work of the normal impulse, J.
+    normal_work: f64 = self.hit.contact.normal_work;
+    /// Work of the tangential impulse, J.
+    friction_work: f64 = self.hit.contact.friction_work;
+    /// Impulse of the drives on each joint, shape (nv,), N m s or N s; zeros with free joints.
+    drive_impulse: Array<'py> = list(py, &self.hit.drive_impulse)?;
+    /// Work of the drives, J.
+    drive_work: f64 = self.hit.drive_work;
+} }
+
 #[pymethods]
 impl Impact {
-    /// Joint velocities after the impact, shape (nv,); rad/s, m/s.
-    #[getter]
-    fn qd_plus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.hit.qd_plus.clone(), &[self.hit.qd_plus.len()])
-    }
-
-    /// Impulse on the robot, shape (3,), world axes, N s.
-    #[getter]
-    fn impulse<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.hit.impulse.as_slice().to_vec(), &[3])
-    }
-
-    /// Velocity of the contact point before the impact, shape (3,), world axes, m/s.
-    #[getter]
-    fn u_minus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.hit.u_minus.as_slice().to_vec(), &[3])
-    }
-
-    /// Velocity of the contact point after the impact, shape (3,), world axes, m/s.
-    #[getter]
-    fn u_plus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.hit.u_plus.as_slice().to_vec(), &[3])
-    }
-
-    /// Kinetic energy of the robot before the impact, J.
-    #[getter]
-    fn energy_before(&self) -> f64 {
-        self.hit.energy_before
-    }
-
-    /// Kinetic energy of the robot after the impact, J.
-    #[getter]
-    fn energy_after(&self) -> f64 {
-        self.hit.energy_after
-    }
-
-    /// T⁺/T⁻ of the robot; 1 at rest.
-    #[getter]
-    fn energy_ratio(&self) -> f64 {
-        self.hit.energy_ratio()
-    }
-
-    /// Contact mode at the end of the impact: "open", "stick", "slip" or "reverse-slip".
-    #[getter]
-    fn mode(&self) -> &'static str {
-        self.hit.mode.name()
-    }
-
-    /// Name of the law.
-    #[getter]
-    fn law(&self) -> &'static str {
-        self.hit.contact.law
-    }
-
-    /// Names of the flags that are set, of "energy-gain", "jam", "singular", "grazing", "non-unique", "no-approach".
-    #[getter]
-    fn flags(&self) -> Vec<&'static str> {
-        self.hit.flags.names().collect()
-    }
-
-    /// Work of the normal impulse, J.
-    #[getter]
-    fn normal_work(&self) -> f64 {
-        self.hit.contact.normal_work
-    }
-
-    /// Work of the tangential impulse, J.
-    #[getter]
-    fn friction_work(&self) -> f64 {
-        self.hit.contact.friction_work
-    }
-
-    /// Impulse of the drives on each joint, shape (nv,), N m s or N s; zeros with free joints.
-    #[getter]
-    fn drive_impulse<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.hit.drive_impulse.clone(), &[self.hit.drive_impulse.len()])
-    }
-
-    /// Work of the drives, J.
-    #[getter]
-    fn drive_work(&self) -> f64 {
-        self.hit.drive_work
-    }
-
     /// With derivatives=True a dict of the derivatives of qd_plus: "q" and "qd" of shape (nv, nv), "restitution" and "friction"
     /// of shape (nv,). Column k of "q" is the derivative along the motion with unit qd[k]. Else None.
     #[getter]
     fn derivatives<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(by) = self.by() else { return Ok(None) };
-        let dict = PyDict::new(py);
-        dict.set_item("q", matrix(py, &by.q)?)?;
-        dict.set_item("qd", matrix(py, &by.qd)?)?;
-        dict.set_item("restitution", array(py, by.restitution.clone(), &[by.restitution.len()])?)?;
-        dict.set_item("friction", array(py, by.friction.clone(), &[by.friction.len()])?)?;
-        Ok(Some(dict))
+        Ok(Some(dict! { py,
+            "q": matrix(py, &by.q)?,
+            "qd": matrix(py, &by.qd)?,
+            "restitution": list(py, &by.restitution)?,
+            "friction": list(py, &by.friction)?,
+        }))
     }
 
     /// With band=… a dict of bounds over the ranges of the coefficients: "qd_plus" of shape (nv, 2), "u_plus" and "impulse" of
@@ -257,13 +204,13 @@ impl Impact {
     fn band<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(band) = self.more.as_ref().and_then(|more| more.band.as_ref()) else { return Ok(None) };
         let pairs = |pairs: &[[f64; 2]]| array(py, pairs.concat(), &[pairs.len(), 2]);
-        let dict = PyDict::new(py);
-        dict.set_item("qd_plus", pairs(&band.qd_plus)?)?;
-        dict.set_item("u_plus", pairs(&band.u_plus)?)?;
-        dict.set_item("impulse", pairs(&band.impulse)?)?;
-        dict.set_item("exact", band.exact)?;
-        dict.set_item("evaluations", band.evaluations)?;
-        Ok(Some(dict))
+        Ok(Some(dict! { py,
+            "qd_plus": pairs(&band.qd_plus)?,
+            "u_plus": pairs(&band.u_plus)?,
+            "impulse": pairs(&band.impulse)?,
+            "exact": band.exact,
+            "evaluations": band.evaluations,
+        }))
     }
 
     /// With saltation=True a dict: "matrix" of shape (2nv, 2nv), which maps small changes of (q, qd) before the impact to those
@@ -272,11 +219,11 @@ impl Impact {
     #[getter]
     fn saltation<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(found) = self.more.as_ref().and_then(|more| more.saltation.as_ref()) else { return Ok(None) };
-        let dict = PyDict::new(py);
-        dict.set_item("matrix", matrix(py, &found.matrix)?)?;
-        dict.set_item("closing", found.closing)?;
-        dict.set_item("time", array(py, found.time.as_slice().to_vec(), &[found.time.len()])?)?;
-        Ok(Some(dict))
+        Ok(Some(dict! { py,
+            "matrix": matrix(py, &found.matrix)?,
+            "closing": found.closing,
+            "time": list(py, found.time.as_slice())?,
+        }))
     }
 
     fn __repr__(&self) -> String {
@@ -315,18 +262,18 @@ impl Chain {
     fn impact<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        qd: &Bound<'py, PyAny>,
+        q: Given<'_, 'py>,
+        qd: Given<'_, 'py>,
         frame: &str,
-        normal: &Bound<'py, PyAny>,
-        law: &Bound<'py, PyAny>,
-        point: Option<&Bound<'py, PyAny>>,
-        joints: Option<&Bound<'py, PyAny>>,
+        normal: Given<'_, 'py>,
+        law: Given<'_, 'py>,
+        point: Maybe<'_, 'py>,
+        joints: Maybe<'_, 'py>,
         derivatives: bool,
         saltation: bool,
-        gravity: Option<&Bound<'py, PyAny>>,
+        gravity: Maybe<'_, 'py>,
         band: Option<([f64; 2], [f64; 2])>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<Array<'py>> {
         let (laws, several) = each_law(law)?;
         let (frame, normal, point) = (self.frame(frame)?, vector("normal", normal)?, offset(point)?);
         let (q, qd, joints) = (self.q(q)?, self.v("qd", qd)?, Joints::read(self, joints)?);
@@ -350,7 +297,7 @@ impl Chain {
                 let described = self.chain.impact(states.0.row(k), states.1.row(k)).at(frame);
                 described.offset(point).normal(normal).joints(model)
             };
-            let one = |law: &GivenLaw| -> PyResult<Bound<'py, PyAny>> {
+            let one = |law: &GivenLaw| -> PyResult<Array<'py>> {
                 if still {
                     let hit = Impact::compute(strike(0), law, &wanted).map_err(|e| law.raise(raise(e)))?;
                     return Ok(Bound::new(py, hit)?.into_any());

@@ -1,6 +1,6 @@
 //! A batch of impacts.
 
-use crate::array::{Plain, array, bytes};
+use crate::array::{Array, Plain, array, bytes};
 use crate::batch::{CHUNK, first_error};
 use crate::error::InBatch;
 use crate::impact::{FLAGS, Impact, Wanted, bits};
@@ -16,88 +16,63 @@ use rayon::prelude::*;
 /// The modes by their numbers.
 const MODES: [Mode; 4] = [Mode::Open, Mode::Stick, Mode::Slip, Mode::ReverseSlip];
 
+/// The blocks of numbers: qd⁺, impulse, u⁻, u⁺, energies before and after with the works of the normal and the tangential impulse and
+/// of the drives, the impulse of the drives, and the derivatives by rows (∂qd⁺/∂q, ∂qd⁺/∂qd, ∂qd⁺/∂e and ∂qd⁺/∂μ).
+const BLOCKS: usize = 7;
+
 /// The results, one row for each state.
 pub struct Columns {
     count: usize,
-    qd_plus: Vec<f64>,
-    impulse: Vec<f64>,
-    u_minus: Vec<f64>,
-    u_plus: Vec<f64>,
-    /// Energies before and after, works of the normal and the tangential impulse, work of the drives.
-    energies: Vec<f64>,
-    drive_impulse: Vec<f64>,
+    /// Length of a row of each block; 0 for derivatives that are not wanted.
+    widths: [usize; BLOCKS],
+    blocks: [Vec<f64>; BLOCKS],
     /// Mode and flags.
     codes: Vec<u8>,
-    /// Rows of ∂qd⁺/∂q and ∂qd⁺/∂qd, ∂qd⁺/∂e and ∂qd⁺/∂μ; empty if they are not wanted.
-    by: Vec<f64>,
 }
-
-const ENERGIES: usize = 5;
 
 impl Columns {
     fn new(count: usize, nv: usize, derivatives: bool) -> Self {
-        let zeros = |width: usize| vec![0.0; count * width];
-        let by = if derivatives { zeros(2 * nv * (nv + 1)) } else { Vec::new() };
-        Self {
-            count,
-            qd_plus: zeros(nv),
-            impulse: zeros(3),
-            u_minus: zeros(3),
-            u_plus: zeros(3),
-            energies: zeros(ENERGIES),
-            drive_impulse: zeros(nv),
-            codes: vec![0; 2 * count],
-            by,
-        }
+        let widths = [nv, 3, 3, 3, 5, nv, if derivatives { 2 * nv * (nv + 1) } else { 0 }];
+        Self { count, widths, blocks: widths.map(|width| vec![0.0; count * width]), codes: vec![0; 2 * count] }
     }
 
     /// Pieces of `length` states, to be written at the same time.
-    fn pieces(&mut self, length: usize, nv: usize) -> Vec<Piece<'_>> {
-        let mut by = self.by.chunks_mut(length * 2 * nv * (nv + 1));
-        let pieces = self.qd_plus.chunks_mut(length * nv).zip(self.impulse.chunks_mut(3 * length));
-        let pieces = pieces.zip(self.u_minus.chunks_mut(3 * length)).zip(self.u_plus.chunks_mut(3 * length));
-        let pieces = pieces.zip(self.energies.chunks_mut(ENERGIES * length)).zip(self.codes.chunks_mut(2 * length));
-        let pieces = pieces.zip(self.drive_impulse.chunks_mut(length * nv));
-        pieces
-            .map(|((((((qd_plus, impulse), u_minus), u_plus), energies), codes), drive_impulse)| {
-                let by = by.next().unwrap_or_default();
-                Piece { qd_plus, impulse, u_minus, u_plus, energies, drive_impulse, codes, by }
-            })
-            .collect()
+    fn pieces(&mut self, length: usize) -> Vec<Piece<'_>> {
+        let widths = self.widths;
+        let mut blocks = self.blocks.iter_mut().zip(widths).map(|(all, width)| all.chunks_mut((length * width).max(1)));
+        let mut blocks: [_; BLOCKS] = std::array::from_fn(|_| blocks.next());
+        let piece = |codes| {
+            let next = std::array::from_fn(|k| blocks[k].as_mut().and_then(Iterator::next).unwrap_or_default());
+            Piece { widths, blocks: next, codes }
+        };
+        self.codes.chunks_mut(2 * length).map(piece).collect()
     }
 }
 
 /// Consecutive rows of the results.
 struct Piece<'a> {
-    qd_plus: &'a mut [f64],
-    impulse: &'a mut [f64],
-    u_minus: &'a mut [f64],
-    u_plus: &'a mut [f64],
-    energies: &'a mut [f64],
-    drive_impulse: &'a mut [f64],
+    widths: [usize; BLOCKS],
+    blocks: [&'a mut [f64]; BLOCKS],
     codes: &'a mut [u8],
-    by: &'a mut [f64],
 }
 
 impl Piece<'_> {
     fn write(&mut self, k: usize, hit: &ChainImpact) {
-        let nv = hit.qd_plus.len();
-        self.qd_plus[k * nv..][..nv].copy_from_slice(&hit.qd_plus);
-        self.impulse[3 * k..][..3].copy_from_slice(hit.impulse.as_slice());
-        self.u_minus[3 * k..][..3].copy_from_slice(hit.u_minus.as_slice());
-        self.u_plus[3 * k..][..3].copy_from_slice(hit.u_plus.as_slice());
         let works = [hit.contact.normal_work, hit.contact.friction_work, hit.drive_work];
-        self.energies[ENERGIES * k..][..2].copy_from_slice(&[hit.energy_before, hit.energy_after]);
-        self.energies[ENERGIES * k + 2..][..3].copy_from_slice(&works);
-        self.drive_impulse[k * nv..][..nv].copy_from_slice(&hit.drive_impulse);
+        let energies = [hit.energy_before, hit.energy_after, works[0], works[1], works[2]];
+        let vectors = [&hit.impulse, &hit.u_minus, &hit.u_plus].map(|vector| vector.as_slice());
+        let rows = [&hit.qd_plus[..], vectors[0], vectors[1], vectors[2], &energies, &hit.drive_impulse];
+        for ((block, width), row) in self.blocks.iter_mut().zip(self.widths).zip(rows) {
+            block[k * width..][..width].copy_from_slice(row);
+        }
         let mode = MODES.iter().position(|mode| *mode == hit.mode).unwrap_or(0);
         self.codes[2 * k..][..2].copy_from_slice(&[mode as u8, bits(hit.flags)]);
     }
 
     fn write_derivatives(&mut self, k: usize, impact: &Impact) {
-        let Some(by) = impact.by() else { return };
+        let (Some(by), width) = (impact.by(), self.widths[BLOCKS - 1]) else { return };
         let nv = by.restitution.len();
-        let row = &mut self.by[k * 2 * nv * (nv + 1)..][..2 * nv * (nv + 1)];
+        let row = &mut self.blocks[BLOCKS - 1][k * width..][..width];
         for (out, m) in row.chunks_exact_mut(nv * nv).zip([&by.q, &by.qd]) {
             out.iter_mut().enumerate().for_each(|(i, x)| *x = m[(i / nv, i % nv)]);
         }
@@ -160,10 +135,10 @@ pub fn compute<'a, F: Fn(usize) -> Strike<'a> + Sync>(
     if law.is_python() {
         // The law needs the GIL; a signal stops the batch through the exception that the law then raises.
         let mut memory = memory();
-        all.pieces(1, nv).iter_mut().enumerate().try_for_each(|(k, rows)| piece(&mut memory, k, rows))?;
+        all.pieces(1).iter_mut().enumerate().try_for_each(|(k, rows)| piece(&mut memory, k, rows))?;
         return Ok(all);
     }
-    let mut pieces = all.pieces(CHUNK, nv);
+    let mut pieces = all.pieces(CHUNK);
     if let [only] = pieces.as_mut_slice() {
         py.detach(|| piece(&mut memory(), 0, only))?;
     } else {
@@ -180,36 +155,32 @@ pub fn compute<'a, F: Fn(usize) -> Strike<'a> + Sync>(
 #[pyclass(frozen, module = "carom")]
 pub struct Impacts {
     count: usize,
-    qd_plus: Py<PyAny>,
-    impulse: Py<PyAny>,
-    u_minus: Py<PyAny>,
-    u_plus: Py<PyAny>,
-    energies: Py<PyAny>,
-    drive_impulse: Py<PyAny>,
+    /// The blocks of [`Columns`], of shape (B, width), without the derivatives.
+    blocks: [Py<PyAny>; BLOCKS - 1],
     codes: Py<PyAny>,
     derivatives: Option<Py<PyDict>>,
 }
 
 impl Impacts {
     pub fn new(py: Python<'_>, all: Columns, nv: usize) -> PyResult<Self> {
-        let b = all.count;
-        let derivatives = if all.by.is_empty() { None } else { Some(derivatives(py, all.by, b, nv)?) };
-        let array = |numbers, width| Ok::<_, PyErr>(array(py, numbers, &[b, width])?.unbind());
-        Ok(Self {
-            count: b,
-            qd_plus: array(all.qd_plus, nv)?,
-            impulse: array(all.impulse, 3)?,
-            u_minus: array(all.u_minus, 3)?,
-            u_plus: array(all.u_plus, 3)?,
-            energies: array(all.energies, ENERGIES)?,
-            drive_impulse: array(all.drive_impulse, nv)?,
-            codes: bytes(py, all.codes).call_method1("reshape", (b, 2))?.unbind(),
-            derivatives,
-        })
+        let Columns { count, widths, blocks: [qd_plus, impulse, u_minus, u_plus, energies, drive_impulse, by], codes } =
+            all;
+        let derivatives = if by.is_empty() { None } else { Some(derivatives(py, by, count, nv)?) };
+        let array = |numbers, k: usize| Ok::<_, PyErr>(array(py, numbers, &[count, widths[k]])?.unbind());
+        let blocks = [
+            array(qd_plus, 0)?,
+            array(impulse, 1)?,
+            array(u_minus, 2)?,
+            array(u_plus, 3)?,
+            array(energies, 4)?,
+            array(drive_impulse, 5)?,
+        ];
+        let codes = bytes(py, codes).call_method1("reshape", (count, 2))?.unbind();
+        Ok(Self { count, blocks, codes, derivatives })
     }
 
     /// Column k of an array.
-    fn column<'py>(py: Python<'py>, of: &Py<PyAny>, k: usize) -> PyResult<Bound<'py, PyAny>> {
+    fn column<'py>(py: Python<'py>, of: &Py<PyAny>, k: usize) -> PyResult<Array<'py>> {
         of.bind(py).get_item((pyo3::types::PySlice::full(py), k))
     }
 }
@@ -220,14 +191,45 @@ fn derivatives(py: Python<'_>, by: Vec<f64>, b: usize, nv: usize) -> PyResult<Py
         let columns = pyo3::types::PySlice::new(py, from as isize, to as isize, 1);
         all.get_item((pyo3::types::PySlice::full(py), columns))
     };
-    let dict = PyDict::new(py);
     let n = nv * nv;
-    dict.set_item("q", part(0, n)?.call_method1("reshape", (b, nv, nv))?)?;
-    dict.set_item("qd", part(n, 2 * n)?.call_method1("reshape", (b, nv, nv))?)?;
-    dict.set_item("restitution", part(2 * n, 2 * n + nv)?)?;
-    dict.set_item("friction", part(2 * n + nv, 2 * n + 2 * nv)?)?;
-    Ok(dict.unbind())
+    let derivatives = dict! { py,
+        "q": part(0, n)?.call_method1("reshape", (b, nv, nv))?,
+        "qd": part(n, 2 * n)?.call_method1("reshape", (b, nv, nv))?,
+        "restitution": part(2 * n, 2 * n + nv)?,
+        "friction": part(2 * n + nv, 2 * n + 2 * nv)?,
+    };
+    Ok(derivatives.unbind())
 }
+
+getters! { Impacts, self, py {
+    /// Joint velocities after the impacts, shape (B, nv); rad/s, m/s.
+    qd_plus: Py<PyAny> = self.blocks[0].clone_ref(py);
+    /// Impulses on the robot, shape (B, 3), world axes, N s.
+    impulse: Py<PyAny> = self.blocks[1].clone_ref(py);
+    /// Velocities of the contact point before, shape (B, 3), world axes, m/s.
+    u_minus: Py<PyAny> = self.blocks[2].clone_ref(py);
+    /// Velocities of the contact point after, shape (B, 3), world axes, m/s.
+    u_plus: Py<PyAny> = self.blocks[3].clone_ref(py);
+    /// Kinetic energies of the robot before, shape (B,), J.
+    energy_before: Array<'py> = Self::column(py, &self.blocks[4], 0)?;
+    /// Kinetic energies of the robot after, shape (B,), J.
+    energy_after: Array<'py> = Self::column(py, &self.blocks[4], 1)?;
+    /// Works of the normal impulses, shape (B,), J.
+    normal_work: Array<'py> = Self::column(py, &self.blocks[4], 2)?;
+    /// Works of the tangential impulses, shape (B,), J.
+    friction_work: Array<'py> = Self::column(py, &self.blocks[4], 3)?;
+    /// Works of the drives, shape (B,), J.
+    drive_work: Array<'py> = Self::column(py, &self.blocks[4], 4)?;
+    /// Impulses of the drives on each joint, shape (B, nv), N m s or N s.
+    drive_impulse: Py<PyAny> = self.blocks[5].clone_ref(py);
+    /// Contact modes at the end of the impacts, an array of texts of shape (B,): "open", "stick", "slip", "reverse-slip".
+    mode: Array<'py>, "NDArray[np.str_]" = texts(py, &MODES.map(Mode::name))?.get_item(Self::column(py, &self.codes, 0)?)?;
+    /// Flags as an array of uint8 of shape (B,), with bits as in carom.Flags; 0 for an ordinary impact.
+    flags: Array<'py>, "NDArray[np.uint8]" = Self::column(py, &self.codes, 1)?;
+    /// With derivatives=True a dict of the derivatives of qd_plus: "q" and "qd" of shape (B, nv, nv), "restitution" and
+    /// "friction" of shape (B, nv). Else None.
+    derivatives: Option<Py<PyDict>>, "dict[str, _Floats] | None" = self.derivatives.as_ref().map(|dict| dict.clone_ref(py));
+} }
 
 #[pymethods]
 impl Impacts {
@@ -235,95 +237,16 @@ impl Impacts {
         self.count
     }
 
-    /// Joint velocities after the impacts, shape (B, nv); rad/s, m/s.
-    #[getter]
-    fn qd_plus(&self, py: Python<'_>) -> Py<PyAny> {
-        self.qd_plus.clone_ref(py)
-    }
-
-    /// Impulses on the robot, shape (B, 3), world axes, N s.
-    #[getter]
-    fn impulse(&self, py: Python<'_>) -> Py<PyAny> {
-        self.impulse.clone_ref(py)
-    }
-
-    /// Velocities of the contact point before, shape (B, 3), world axes, m/s.
-    #[getter]
-    fn u_minus(&self, py: Python<'_>) -> Py<PyAny> {
-        self.u_minus.clone_ref(py)
-    }
-
-    /// Velocities of the contact point after, shape (B, 3), world axes, m/s.
-    #[getter]
-    fn u_plus(&self, py: Python<'_>) -> Py<PyAny> {
-        self.u_plus.clone_ref(py)
-    }
-
-    /// Kinetic energies of the robot before, shape (B,), J.
-    #[getter]
-    fn energy_before<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::column(py, &self.energies, 0)
-    }
-
-    /// Kinetic energies of the robot after, shape (B,), J.
-    #[getter]
-    fn energy_after<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::column(py, &self.energies, 1)
-    }
-
-    /// Works of the normal impulses, shape (B,), J.
-    #[getter]
-    fn normal_work<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::column(py, &self.energies, 2)
-    }
-
-    /// Works of the tangential impulses, shape (B,), J.
-    #[getter]
-    fn friction_work<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::column(py, &self.energies, 3)
-    }
-
-    /// Works of the drives, shape (B,), J.
-    #[getter]
-    fn drive_work<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::column(py, &self.energies, 4)
-    }
-
-    /// Impulses of the drives on each joint, shape (B, nv), N m s or N s.
-    #[getter]
-    fn drive_impulse(&self, py: Python<'_>) -> Py<PyAny> {
-        self.drive_impulse.clone_ref(py)
-    }
-
-    /// Contact modes at the end of the impacts, an array of texts of shape (B,): "open", "stick", "slip", "reverse-slip".
-    #[getter]
-    fn mode<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        texts(py, &MODES.map(Mode::name))?.get_item(Self::column(py, &self.codes, 0)?)
-    }
-
-    /// Flags as an array of uint8 of shape (B,), with bits as in carom.Flags; 0 for an ordinary impact.
-    #[getter]
-    fn flags<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::column(py, &self.codes, 1)
-    }
-
     /// The states at which a flag is set, an array of booleans of shape (B,).
     ///
     /// Args:
     ///     name: "energy-gain", "jam", "singular", "grazing", "non-unique" or "no-approach".
-    fn flagged<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+    fn flagged<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Array<'py>> {
         let Some(bit) = FLAGS.iter().position(|(flag, _)| *flag == name) else {
             let names = FLAGS.map(|(flag, _)| flag).join(", ");
             return Err(PyValueError::new_err(format!("no flag is named '{name}': the flags are {names}")));
         };
         Self::column(py, &self.codes, 1)?.bitand(1u8 << bit)?.call_method1("astype", ("bool",))
-    }
-
-    /// With derivatives=True a dict of the derivatives of qd_plus: "q" and "qd" of shape (B, nv, nv), "restitution" and
-    /// "friction" of shape (B, nv). Else None.
-    #[getter]
-    fn derivatives(&self, py: Python<'_>) -> Option<Py<PyDict>> {
-        self.derivatives.as_ref().map(|dict| dict.clone_ref(py))
     }
 
     fn __repr__(&self) -> String {

@@ -1,6 +1,6 @@
 //! Impact laws: the eight laws of carom as classes, and laws written in Python.
 
-use crate::array::{Numbers, array, numpy};
+use crate::array::{Array, Given, Numbers, array, numpy};
 use crate::callable::Callable;
 use crate::error::{Raise, exceptions};
 use carom_impact::{AnyLaw, Brach, Coefficients, ImpactError, ImpactOutcome, ImpactProblem, Law};
@@ -20,37 +20,24 @@ pub struct KnownLaw {
     shown: String,
 }
 
+getters! { KnownLaw, self, py {
+    /// Name of the law, as on the command line and in scenes.
+    name: &'static str = name(&self.law);
+    /// Coefficient of restitution, as the law defines it.
+    restitution: f64 = self.law.coefficients().restitution;
+    /// Coulomb's coefficient of friction; 0 for a law without one. For Brach's law the size of its impulse ratio.
+    friction: f64 = self.law.coefficients().friction;
+    /// Coefficient of tangential restitution; 0 for a law without one.
+    tangential_restitution: f64 = self.law.coefficients().tangential_restitution;
+} }
+
 #[pymethods]
 impl KnownLaw {
-    /// Name of the law, as on the command line and in scenes.
-    #[getter]
-    fn name(&self) -> &'static str {
-        name(&self.law)
-    }
-
-    /// Coefficient of restitution, as the law defines it.
-    #[getter]
-    fn restitution(&self) -> f64 {
-        self.law.coefficients().restitution
-    }
-
-    /// Coulomb's coefficient of friction; 0 for a law without one. For Brach's law the size of its impulse ratio.
-    #[getter]
-    fn friction(&self) -> f64 {
-        self.law.coefficients().friction
-    }
-
-    /// Coefficient of tangential restitution; 0 for a law without one.
-    #[getter]
-    fn tangential_restitution(&self) -> f64 {
-        self.law.coefficients().tangential_restitution
-    }
-
     fn __repr__(&self) -> String {
         format!("carom.{}", self.shown)
     }
 
-    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+    fn __eq__(&self, other: Given) -> bool {
         other.cast::<Self>().is_ok_and(|other| other.get().law == self.law)
     }
 
@@ -179,7 +166,7 @@ impl BrachLaw {
 
     fn __reduce__(this: &Bound<'_, Self>) -> (Py<PyAny>, (f64, Option<f64>, Option<f64>)) {
         let own = this.get();
-        let coefficients = (this.as_super().get().restitution(), own.friction, own.impulse_ratio);
+        let coefficients = (this.as_super().get().law.coefficients().restitution, own.friction, own.impulse_ratio);
         (this.get_type().into_any().unbind(), coefficients)
     }
 }
@@ -213,34 +200,25 @@ pub struct Own {
     name: &'static str,
 }
 
+getters! { PythonLaw, self, py {
+    /// Name of the law.
+    name: &'static str = self.own.name;
+    /// Coefficient of restitution where an impact law does not apply.
+    restitution: f64 = self.restitution;
+    /// Coulomb's coefficient of friction where an impact law does not apply.
+    friction: f64 = self.friction;
+} }
+
 #[pymethods]
 impl PythonLaw {
     #[new]
     #[pyo3(signature = (function, restitution=0.0, friction=0.0, name=None))]
-    fn new(function: &Bound<'_, PyAny>, restitution: f64, friction: f64, name: Option<String>) -> PyResult<Self> {
+    fn new(function: Given, restitution: f64, friction: f64, name: Option<String>) -> PyResult<Self> {
         let (function, own) = Callable::new(function, "H and u")?;
         // The coefficients have the rules of those of the laws of carom.
         known("", AnyLaw::from(carom_impact::Energetic { restitution, friction }), &[])?;
         let own = Arc::new(Own { function, name: kept(name.unwrap_or(own)) });
         Ok(Self { own, restitution, friction })
-    }
-
-    /// Name of the law.
-    #[getter]
-    fn name(&self) -> &'static str {
-        self.own.name
-    }
-
-    /// Coefficient of restitution where an impact law does not apply.
-    #[getter]
-    fn restitution(&self) -> f64 {
-        self.restitution
-    }
-
-    /// Coulomb's coefficient of friction where an impact law does not apply.
-    #[getter]
-    fn friction(&self) -> f64 {
-        self.friction
     }
 
     fn __repr__(&self) -> String {
@@ -294,7 +272,7 @@ impl GivenLaw {
     ///
     /// # Errors
     /// `TypeError` for anything that is neither a law nor can be called.
-    pub fn read(given: &Bound<'_, PyAny>) -> PyResult<Self> {
+    pub fn read(given: Given) -> PyResult<Self> {
         if let Ok(law) = given.cast::<KnownLaw>() {
             return Ok(Self::Known(law.get().law));
         }
@@ -378,7 +356,7 @@ impl Law<f64, 3> for Shared {
 }
 
 /// One law, or a list of laws.
-pub fn each_law(given: &Bound<'_, PyAny>) -> PyResult<(Vec<GivenLaw>, bool)> {
+pub fn each_law(given: Given) -> PyResult<(Vec<GivenLaw>, bool)> {
     if given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>() {
         let laws = given.try_iter()?.map(|law| GivenLaw::read(&law?)).collect::<PyResult<_>>()?;
         return Ok((laws, true));
@@ -399,6 +377,6 @@ pub fn problem<const D: usize>(h: &Numbers, u: &Numbers) -> PyResult<ImpactProbl
 }
 
 /// An array of texts.
-pub fn texts<'py>(py: Python<'py>, texts: &[&str]) -> PyResult<Bound<'py, PyAny>> {
+pub fn texts<'py>(py: Python<'py>, texts: &[&str]) -> PyResult<Array<'py>> {
     numpy(py)?.call_method1("array", (PyList::new(py, texts)?,))
 }

@@ -7,6 +7,33 @@
 //! `study` and `fit`. Nothing is computed here: every method converts its arguments, calls the crates and
 //! converts the result.
 
+/// A dict of these keys.
+macro_rules! dict {
+    ($py:ident, $($key:literal: $value:expr),* $(,)?) => {{
+        let dict = pyo3::types::PyDict::new($py);
+        $(dict.set_item($key, $value)?;)*
+        dict
+    }};
+}
+
+/// Getters of a class: each has its documentation, name and type, where `stubs.py` cannot know it the type of the stub, and an
+/// expression of `self` and the token `py`.
+macro_rules! getters {
+    ($class:ident, $this:ident, $py:ident { $($(#[$($doc:tt)*])* $name:ident: $type:ty $(, $stub:literal)? = $value:expr;)* }) => {
+        #[pymethods]
+        impl $class {
+            $(
+                $(#[$($doc)*])*
+                #[getter]
+                #[allow(unused_variables, clippy::needless_lifetimes)]
+                fn $name<'py>(&$this, $py: Python<'py>) -> PyResult<$type> {
+                    Ok($value)
+                }
+            )*
+        }
+    };
+}
+
 mod array;
 mod batch;
 mod callable;

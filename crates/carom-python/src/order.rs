@@ -4,7 +4,7 @@
 //! A continuous joint has (cos, sin); a mimic joint has coordinates of its own, unless the model is built with `mimic=True`. A
 //! floating joint has the coordinates of carom. Planar joints are refused.
 
-use crate::array::{Numbers, Rows, array, together};
+use crate::array::{Array, Given, Maybe, Numbers, Rows, array, together};
 use crate::chain::Chain;
 use crate::error::raise;
 use carom_chain::urdf::JointType;
@@ -111,12 +111,7 @@ fn kind(chain: &carom_chain::Chain, joint: &JointInfo) -> Result<Option<Found>, 
 type Pair<'py> = (Rows<'py>, Option<Rows<'py>>);
 
 /// q, or (q, v), of carom in Pinocchio's order.
-pub fn to_pinocchio<'py>(
-    py: Python<'py>,
-    chain: &Chain,
-    q: &Bound<'py, PyAny>,
-    v: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyAny>> {
+pub fn to_pinocchio<'py>(py: Python<'py>, chain: &Chain, q: Given<'_, 'py>, v: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
     let (places, nq, nv) = places(&chain.chain).map_err(raise)?;
     let given = (chain.q(q)?, v.map(|v| chain.v("v", v)).transpose()?);
     converted(
@@ -150,9 +145,9 @@ pub fn to_pinocchio<'py>(
 pub fn from_pinocchio<'py>(
     py: Python<'py>,
     chain: &Chain,
-    q: &Bound<'py, PyAny>,
-    v: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyAny>> {
+    q: Given<'_, 'py>,
+    v: Maybe<'_, 'py>,
+) -> PyResult<Array<'py>> {
     let (places, nq, nv) = places(&chain.chain).map_err(raise)?;
     let layout = || "in Pinocchio's order, mimic joints included".to_owned();
     let read = |what, given, width| Numbers::read(what, given)?.rows(what, width, layout);
@@ -189,7 +184,7 @@ fn converted<'py>(
     (nq, nv): (usize, usize),
     write_q: impl Fn(&[f64], &mut [f64]),
     write_v: impl Fn(&[f64], &mut [f64]),
-) -> PyResult<Bound<'py, PyAny>> {
+) -> PyResult<Array<'py>> {
     let all = |rows: &Rows, width: usize, write: &dyn Fn(&[f64], &mut [f64])| {
         let count = rows.count();
         let mut out = vec![0.0; count.unwrap_or(1) * width];

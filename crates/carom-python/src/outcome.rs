@@ -1,6 +1,6 @@
 //! A law on plain numbers: `carom.law` and its result.
 
-use crate::array::{Numbers, array};
+use crate::array::{Array, Given, Numbers, list};
 use crate::error::{Raise, exceptions};
 use crate::laws::{GivenLaw, each_law, problem};
 use carom_impact::ImpactOutcome;
@@ -26,7 +26,7 @@ pub struct Outcome {
 impl Outcome {
     /// Name of the law and its impulse.
     pub fn point(&self) -> (String, &[f64]) {
-        (self.law().to_owned(), of!(self, hit => hit.impulse.as_slice()))
+        (of!(self, hit => hit.law.to_owned()), of!(self, hit => hit.impulse.as_slice()))
     }
 }
 
@@ -35,88 +35,48 @@ enum OutcomeNumbers {
     Space(ImpactOutcome<f64, 3>),
 }
 
+getters! { Outcome, self, py {
+    /// Name of the law.
+    law: &'static str = of!(self, hit => hit.law);
+    /// Impulse on the robot, shape of u, N s.
+    impulse: Array<'py> = of!(self, hit => list(py, hit.impulse.as_slice()))?;
+    /// Contact velocity before, m/s.
+    u_minus: Array<'py> = of!(self, hit => list(py, hit.u_minus.as_slice()))?;
+    /// Contact velocity after, m/s.
+    u_plus: Array<'py> = of!(self, hit => list(py, hit.u_plus.as_slice()))?;
+    /// Contact mode at the end: "open", "stick", "slip" or "reverse-slip".
+    mode: &'static str, "_Mode" = of!(self, hit => hit.mode.name());
+    /// Names of the flags that are set.
+    flags: Vec<&'static str> = of!(self, hit => hit.flags.names().collect());
+    /// Kinetic energy in contact space before, ½ uᵀ H⁻¹ u, J.
+    energy_before: f64 = of!(self, hit => hit.energy_before);
+    /// Kinetic energy in contact space after, J.
+    energy_after: f64 = of!(self, hit => hit.energy_after);
+    /// T⁺/T⁻ in contact space; 1 at rest.
+    energy_ratio: f64 = of!(self, hit => hit.energy_ratio());
+    /// Work of the normal impulse, J.
+    normal_work: f64 = of!(self, hit => hit.normal_work);
+    /// Work of the tangential impulse, J.
+    friction_work: f64 = of!(self, hit => hit.friction_work);
+} }
+
 #[pymethods]
 impl Outcome {
-    /// Name of the law.
-    #[getter]
-    fn law(&self) -> &'static str {
-        of!(self, hit => hit.law)
-    }
-
-    /// Impulse on the robot, shape of u, N s.
-    #[getter]
-    fn impulse<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        of!(self, hit => array(py, hit.impulse.as_slice().to_vec(), &[hit.impulse.len()]))
-    }
-
-    /// Contact velocity before, m/s.
-    #[getter]
-    fn u_minus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        of!(self, hit => array(py, hit.u_minus.as_slice().to_vec(), &[hit.u_minus.len()]))
-    }
-
-    /// Contact velocity after, m/s.
-    #[getter]
-    fn u_plus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        of!(self, hit => array(py, hit.u_plus.as_slice().to_vec(), &[hit.u_plus.len()]))
-    }
-
-    /// Contact mode at the end: "open", "stick", "slip" or "reverse-slip".
-    #[getter]
-    fn mode(&self) -> &'static str {
-        of!(self, hit => hit.mode.name())
-    }
-
-    /// Names of the flags that are set.
-    #[getter]
-    fn flags(&self) -> Vec<&'static str> {
-        of!(self, hit => hit.flags.names().collect())
-    }
-
-    /// Kinetic energy in contact space before, ½ uᵀ H⁻¹ u, J.
-    #[getter]
-    fn energy_before(&self) -> f64 {
-        of!(self, hit => hit.energy_before)
-    }
-
-    /// Kinetic energy in contact space after, J.
-    #[getter]
-    fn energy_after(&self) -> f64 {
-        of!(self, hit => hit.energy_after)
-    }
-
-    /// T⁺/T⁻ in contact space; 1 at rest.
-    #[getter]
-    fn energy_ratio(&self) -> f64 {
-        of!(self, hit => hit.energy_ratio())
-    }
-
-    /// Work of the normal impulse, J.
-    #[getter]
-    fn normal_work(&self) -> f64 {
-        of!(self, hit => hit.normal_work)
-    }
-
-    /// Work of the tangential impulse, J.
-    #[getter]
-    fn friction_work(&self) -> f64 {
-        of!(self, hit => hit.friction_work)
-    }
-
     /// The realised coefficients of restitution: a dict of "newton", "poisson", "energetic"; None where not defined.
     #[getter]
     fn coefficients<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let [newton, poisson, energetic] = of!(self, hit => [hit.newton, hit.poisson, hit.energetic]);
-        let dict = PyDict::new(py);
-        dict.set_item("newton", newton)?;
-        dict.set_item("poisson", poisson)?;
-        dict.set_item("energetic", energetic)?;
-        Ok(dict)
+        Ok(dict! { py,
+            "newton": newton,
+            "poisson": poisson,
+            "energetic": energetic,
+        })
     }
 
     fn __repr__(&self) -> String {
+        let (law, mode) = of!(self, hit => (hit.law, hit.mode));
         let (impulse, u_plus) = of!(self, hit => (hit.impulse.as_slice().to_vec(), hit.u_plus.as_slice().to_vec()));
-        format!("<carom.Outcome {}: {}, impulse {impulse:?}, u_plus {u_plus:?}>", self.law(), self.mode())
+        format!("<carom.Outcome {}: {}, impulse {impulse:?}, u_plus {u_plus:?}>", law, mode)
     }
 }
 
@@ -137,11 +97,11 @@ impl Outcome {
 #[allow(non_snake_case)] // the name of the matrix in the literature
 pub fn law<'py>(
     py: Python<'py>,
-    H: &Bound<'py, PyAny>,
-    u: &Bound<'py, PyAny>,
-    law: &Bound<'py, PyAny>,
+    H: Given<'_, 'py>,
+    u: Given<'_, 'py>,
+    law: Given<'_, 'py>,
     branches: bool,
-) -> PyResult<Bound<'py, PyAny>> {
+) -> PyResult<Array<'py>> {
     let (laws, several) = each_law(law)?;
     let (h, u) = (Numbers::read("H", H)?, Numbers::read("u", u)?);
     let all = |law: &GivenLaw| -> PyResult<Vec<Outcome>> {
@@ -164,7 +124,7 @@ pub fn law<'py>(
         };
         Ok(numbers.into_iter().map(|numbers| Outcome { numbers }).collect())
     };
-    let one = |law: &GivenLaw| -> PyResult<Bound<'py, PyAny>> {
+    let one = |law: &GivenLaw| -> PyResult<Array<'py>> {
         let mut found = all(law)?;
         if branches {
             return Ok(PyList::new(py, found.into_iter().map(|it| Bound::new(py, it)).collect::<PyResult<Vec<_>>>()?)?

@@ -1,6 +1,6 @@
 //! `Chain.impact_at_points`: an impact at several points at the same moment.
 
-use crate::array::{array, vector};
+use crate::array::{Array, Given, Maybe, array, list, vector};
 use crate::chain::Chain;
 use crate::error::{exceptions, raise};
 use crate::impact::Joints;
@@ -13,62 +13,33 @@ use pyo3::prelude::*;
 #[pyclass(frozen, module = "carom")]
 pub struct SeveralImpact(carom_sim::SeveralImpact);
 
-fn rows<'py>(py: Python<'py>, vectors: &[Vector3<f64>]) -> PyResult<Bound<'py, PyAny>> {
+fn rows<'py>(py: Python<'py>, vectors: &[Vector3<f64>]) -> PyResult<Array<'py>> {
     array(py, vectors.iter().flat_map(|v| v.iter().copied()).collect(), &[vectors.len(), 3])
 }
 
-#[pymethods]
-impl SeveralImpact {
+getters! { SeveralImpact, self, py {
     /// Joint velocities after the impact, shape (nv,); rad/s, m/s.
-    #[getter]
-    fn qd_plus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.0.qd_plus.clone(), &[self.0.qd_plus.len()])
-    }
-
+    qd_plus: Array<'py> = list(py, &self.0.qd_plus)?;
     /// Impulses on the robot, shape (K, 3) for K points, world axes, N s. Where points are redundant (three on one body), other
     /// impulses with the same effect on the motion are possible.
-    #[getter]
-    fn impulses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        rows(py, &self.0.impulses)
-    }
-
+    impulses: Array<'py> = rows(py, &self.0.impulses)?;
     /// Velocities of the points before the impact, shape (K, 3), world axes, m/s.
-    #[getter]
-    fn u_minus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        rows(py, &self.0.u_minus)
-    }
-
+    u_minus: Array<'py> = rows(py, &self.0.u_minus)?;
     /// Velocities of the points after the impact, shape (K, 3), world axes, m/s.
-    #[getter]
-    fn u_plus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        rows(py, &self.0.u_plus)
-    }
-
+    u_plus: Array<'py> = rows(py, &self.0.u_plus)?;
     /// Kinetic energy of the robot before the impact, J.
-    #[getter]
-    fn energy_before(&self) -> f64 {
-        self.0.energy_before
-    }
-
+    energy_before: f64 = self.0.energy_before;
     /// Kinetic energy of the robot after the impact, J.
-    #[getter]
-    fn energy_after(&self) -> f64 {
-        self.0.energy_after
-    }
-
+    energy_after: f64 = self.0.energy_after;
     /// Violation of the law, relative to the largest velocity of a point, at most 1e-9.
-    #[getter]
-    fn residual(&self) -> f64 {
-        self.0.residual
-    }
-
+    residual: f64 = self.0.residual;
     /// Notes about the result, as for Impact; and "without-restitution": no impulses satisfy the law with the coefficients of
     /// restitution given, and the result is that with all of them zero, as in scenes.
-    #[getter]
-    fn flags(&self) -> Vec<&'static str> {
-        self.0.flags.names().collect()
-    }
+    flags: Vec<&'static str> = self.0.flags.names().collect();
+} }
 
+#[pymethods]
+impl SeveralImpact {
     fn __repr__(&self) -> String {
         let hit = &self.0;
         let (points, before, after) = (hit.impulses.len(), hit.energy_before, hit.energy_after);
@@ -110,15 +81,15 @@ impl Chain {
     #[allow(clippy::too_many_arguments)]
     fn impact_at_points(
         &self,
-        q: &Bound<'_, PyAny>,
-        qd: &Bound<'_, PyAny>,
+        q: Given,
+        qd: Given,
         points: Vec<(String, [f64; 3])>,
-        normal: &Bound<'_, PyAny>,
+        normal: Given,
         restitution: f64,
         friction: f64,
         law: &str,
         sticks: bool,
-        joints: Option<&Bound<'_, PyAny>>,
+        joints: Maybe,
         relative_stiffness: Option<Vec<f64>>,
         exponent: f64,
     ) -> PyResult<SeveralImpact> {

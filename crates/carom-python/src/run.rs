@@ -1,14 +1,14 @@
 //! A run of a scene: samples, events and lasting contacts as arrays and tables.
 
-use crate::array::array;
+use crate::array::{Array, array, list};
 use crate::chain::Chain;
 use crate::error::exceptions;
 use crate::impact::Impact;
 use crate::table::Table;
-use carom_sim::{ContactState, EnergyBooks, Event, EventKind, Moment, Plan, Seen, Simulation, Summary};
+use carom_sim::{ContactState, Event, EventKind, Moment, NamedEvent, Plan, Seen, Simulation, Summary};
 use carom_study::{Column, SCENE_KEY, contact_columns, contact_row, coordinate_columns, state_columns};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pythonize::pythonize;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -55,17 +55,9 @@ impl Run {
         self.told.iter().filter_map(|told| if let Told::Event(event) = told { Some(event) } else { None })
     }
 
-    fn rows<'py>(&self, py: Python<'py>, width: usize, of: fn(&Moment) -> &[f64]) -> PyResult<Bound<'py, PyAny>> {
+    fn rows<'py>(&self, py: Python<'py>, width: usize, of: fn(&Moment) -> &[f64]) -> PyResult<Array<'py>> {
         let numbers: Vec<f64> = self.moments().flat_map(|moment| of(moment).iter().copied()).collect();
         array(py, numbers, &[self.moments().count(), width])
-    }
-}
-
-/// The name of what an event belongs to.
-fn contact<'a>(sim: &'a Simulation, kind: &'a EventKind) -> Option<&'a str> {
-    match kind {
-        EventKind::Limit { joint, .. } | EventKind::Joint { joint, .. } => Some(joint),
-        other => other.touch().map(|touch| sim.touches[touch].name.as_str()),
     }
 }
 
@@ -80,52 +72,32 @@ pub fn contact_table<'a>(sim: &Simulation, told: impl Iterator<Item = (f64, &'a 
     table
 }
 
-/// The energy balance as a dict.
-pub fn energy_dict<'py>(py: Python<'py>, energy: &EnergyBooks) -> PyResult<Bound<'py, PyDict>> {
-    let dict = PyDict::new(py);
-    dict.set_item("start", energy.start)?;
-    dict.set_item("end", energy.end)?;
-    dict.set_item("drive", energy.drive)?;
-    dict.set_item("resistance", energy.resistance)?;
-    dict.set_item("lost_in_impacts", energy.impacts)?;
-    dict.set_item("error", energy.error())?;
-    Ok(dict)
-}
+getters! { Run, self, py {
+    /// The simulated robot.
+    chain: Chain = self.plan.simulation.chain.clone().into();
+    /// Times of the samples, shape (S,), s. At the time of an event the sample is the state before it.
+    time: Array<'py> = list(py, &self.moments().map(|moment| moment.time).collect::<Vec<_>>())?;
+    /// Configurations at the samples, shape (S, nq); rad, m, quaternions.
+    q: Array<'py> = self.rows(py, self.plan.simulation.chain.nq(), |moment| &moment.q)?;
+    /// Joint velocities at the samples, shape (S, nv); rad/s, m/s.
+    qd: Array<'py> = self.rows(py, self.plan.simulation.chain.nv(), |moment| &moment.qd)?;
+    /// The events in the order of time, a list of Event.
+    events: Vec<RunEvent> = self.all_events().map(|event| RunEvent::of(&self.plan.simulation, event.clone())).collect();
+    /// Why the run has ended: "duration" or "events".
+    stop_reason: &'static str, "Literal['duration', 'events']" = self.summary.stop.name();
+    /// Contact mode at the end.
+    mode: &'static str = self.summary.mode.name();
+    /// What to know of the results: an energy balance that does not close, impulses that do not satisfy their law. They are raised as
+    /// Python warnings, too.
+    warnings: Vec<String> = self.summary.warnings();
+    /// Energy balance, a dict in J: end = start + drive + resistance - lost_in_impacts + error.
+    energy: Bound<'py, PyAny>, "dict[str, float]" = pythonize(py, &self.summary.energy)?;
+    /// Work of the solvers, a dict of numbers. `carom simulate --help` says what each means.
+    statistics: Bound<'py, PyAny>, "dict[str, float]" = pythonize(py, &self.summary.statistics)?;
+} }
 
 #[pymethods]
 impl Run {
-    /// The simulated robot.
-    #[getter]
-    fn chain(&self) -> Chain {
-        self.plan.simulation.chain.clone().into()
-    }
-
-    /// Times of the samples, shape (S,), s. At the time of an event the sample is the state before it.
-    #[getter]
-    fn time<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let times: Vec<f64> = self.moments().map(|moment| moment.time).collect();
-        let count = times.len();
-        array(py, times, &[count])
-    }
-
-    /// Configurations at the samples, shape (S, nq); rad, m, quaternions.
-    #[getter]
-    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.rows(py, self.plan.simulation.chain.nq(), |moment| &moment.q)
-    }
-
-    /// Joint velocities at the samples, shape (S, nv); rad/s, m/s.
-    #[getter]
-    fn qd<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.rows(py, self.plan.simulation.chain.nv(), |moment| &moment.qd)
-    }
-
-    /// The events in the order of time, a list of Event.
-    #[getter]
-    fn events(&self) -> Vec<RunEvent> {
-        self.all_events().map(|event| RunEvent::of(&self.plan.simulation, event.clone())).collect()
-    }
-
     /// The samples as a Table: time, then q.<joint> and qd.<joint>; joints with several coordinates have numbered columns.
     #[getter]
     fn states(&self) -> Table {
@@ -141,14 +113,12 @@ impl Run {
     #[getter]
     fn event_table(&self) -> Table {
         let sim = &self.plan.simulation;
-        let words = |of: &dyn Fn(&Event) -> Option<String>| -> Vec<String> {
-            self.all_events().filter_map(of).collect::<BTreeSet<_>>().into_iter().collect()
-        };
-        let kind = |event: &Event| Some(event.kind.name().to_owned());
-        let place = |event: &Event| contact(sim, &event.kind).map(str::to_owned);
-        let mode = |event: &Event| match &event.kind {
-            EventKind::Impact { hit, .. } => Some(hit.mode.name().to_owned()),
-            _ => None,
+        let events: Vec<NamedEvent> = self.all_events().map(|event| event.named(&sim.touches)).collect();
+        let kind = |event: &NamedEvent| Some(event.kind.to_owned());
+        let place = |event: &NamedEvent| event.contact.map(str::to_owned);
+        let mode = |event: &NamedEvent| event.impact.map(|impact| impact.hit.mode.name().to_owned());
+        let words = |of: &dyn Fn(&NamedEvent) -> Option<String>| -> Vec<String> {
+            events.iter().filter_map(of).collect::<BTreeSet<_>>().into_iter().collect()
         };
         let (kinds, places, modes) = (words(&kind), words(&place), words(&mode));
         // A column of words needs a word.
@@ -166,10 +136,10 @@ impl Run {
         let code = |words: &[String], word: Option<String>| {
             word.and_then(|word| words.iter().position(|it| *it == word)).map_or(f64::NAN, |k| k as f64)
         };
-        for event in self.all_events() {
-            let impulse: nalgebra::Vector3<f64> = event.impulses.iter().map(|one| one.impulse).sum();
+        for event in &events {
+            let impulse: nalgebra::Vector3<f64> = event.impulses.iter().map(|one| one.what.impulse).sum();
             let head = [event.time, code(&kinds, kind(event)), code(&places, place(event)), code(&modes, mode(event))];
-            let state = event.q.iter().chain(&event.qd_minus).chain(&event.qd_plus);
+            let state = event.q.iter().chain(event.qd_minus).chain(event.qd_plus);
             table.push(head.iter().chain(impulse.iter()).chain(state).copied());
         }
         table
@@ -187,62 +157,17 @@ impl Run {
         contact_table(&self.plan.simulation, told).with_text(SCENE_KEY, &self.scene.text)
     }
 
-    /// Why the run has ended: "duration" or "events".
-    #[getter]
-    fn stop_reason(&self) -> &'static str {
-        self.summary.stop.name()
-    }
-
-    /// Contact mode at the end.
-    #[getter]
-    fn mode(&self) -> &'static str {
-        self.summary.mode.name()
-    }
-
     /// The end: a tuple of the time (s), q (nq,) and qd (nv,).
     #[getter]
     fn last<'py>(&self, py: Python<'py>) -> PyResult<(f64, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let Moment { time, q, qd } = &self.summary.last;
-        Ok((*time, array(py, q.clone(), &[q.len()])?, array(py, qd.clone(), &[qd.len()])?))
-    }
-
-    /// What to know of the results: an energy balance that does not close, impulses that do not satisfy their law. They are raised as
-    /// Python warnings, too.
-    #[getter]
-    fn warnings(&self) -> Vec<String> {
-        self.summary.warnings()
-    }
-
-    /// Energy balance, a dict in J: end = start + drive + resistance - lost_in_impacts + error.
-    #[getter]
-    fn energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        energy_dict(py, &self.summary.energy)
-    }
-
-    /// Work of the solvers, a dict: steps, rejections, evaluations, refinements, contact_steps, step_error (rad or m),
-    /// worst_residual, energy_gained (J), non_unique_time (s), neglected_frictions, neglected_bound, neglected_depth.
-    #[getter]
-    fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let s = &self.summary.statistics;
-        let dict = PyDict::new(py);
-        dict.set_item("steps", s.steps)?;
-        dict.set_item("rejections", s.rejections)?;
-        dict.set_item("evaluations", s.evaluations)?;
-        dict.set_item("refinements", s.refinements)?;
-        dict.set_item("contact_steps", s.contact_steps)?;
-        dict.set_item("step_error", s.step_error)?;
-        dict.set_item("worst_residual", s.worst_residual)?;
-        dict.set_item("energy_gained", s.energy_gained)?;
-        dict.set_item("non_unique_time", s.non_unique_time)?;
-        dict.set_item("neglected_frictions", s.neglected)?;
-        dict.set_item("neglected_bound", s.neglected_bound)?;
-        dict.set_item("neglected_depth", s.neglected_depth)?;
-        Ok(dict)
+        Ok((*time, list(py, q)?, list(py, qd)?))
     }
 
     fn __repr__(&self) -> String {
         let (samples, events) = (self.moments().count(), self.summary.events);
-        let (stop, mode, time) = (self.stop_reason(), self.mode(), self.summary.last.time);
+        let Summary { stop, mode, last, .. } = &self.summary;
+        let (stop, mode, time) = (stop.name(), mode.name(), last.time);
         format!("<carom.Run: {events} events, {samples} samples, ended at {time} s ({stop}), {mode}>")
     }
 }
@@ -256,110 +181,65 @@ pub struct RunEvent {
     event: Event,
     contact: Option<String>,
     contacts: Vec<String>,
-    impulses: Vec<String>,
+    reason: Option<&'static str>,
+    flags: Vec<&'static str>,
+    /// The contact of each impulse.
+    struck: Vec<String>,
 }
 
 impl RunEvent {
     /// An event of this simulation.
     pub fn of(sim: &Simulation, event: Event) -> Self {
-        let contact = contact(sim, &event.kind).map(str::to_owned);
-        let contacts: Vec<String> = match &event.kind {
-            EventKind::Several { touches, .. } | EventKind::NonUnique { touches, .. } => {
-                touches.iter().map(|touch| sim.touches[*touch].name.clone()).collect()
-            }
-            _ => Vec::new(),
-        };
-        let impulses = event.impulses.iter().map(|one| sim.touches[one.touch].name.clone()).collect();
-        Self { event, contact, contacts, impulses }
+        let NamedEvent { contact, contacts, reason, flags, impulses, .. } = event.named(&sim.touches);
+        let contact = contact.map(str::to_owned);
+        let contacts = contacts.into_iter().map(str::to_owned).collect();
+        let struck = impulses.iter().map(|one| one.contact.to_owned()).collect();
+        Self { contact, contacts, reason, flags, struck, event }
     }
 }
 
-#[pymethods]
-impl RunEvent {
+getters! { RunEvent, self, py {
     /// Time, s.
-    #[getter]
-    fn time(&self) -> f64 {
-        self.event.time
-    }
-
+    time: f64 = self.event.time;
     /// "impact", "several", "latch", "limit", "zeno", "lift-off", "joint-stops", "joint-moves", "stepping", "non-unique", "rest",
     /// or the new contact mode.
-    #[getter]
-    fn kind(&self) -> &'static str {
-        self.event.kind.name()
-    }
-
+    kind: &'static str = self.event.kind.name();
     /// Name of the contact or the joint, None if the event belongs to none or to several.
-    #[getter]
-    fn contact(&self) -> Option<&str> {
-        self.contact.as_deref()
-    }
-
+    contact: Option<&str> = self.contact.as_deref();
     /// Names of the contacts of an event of the kind "several" or "non-unique"; else empty.
-    #[getter]
-    fn contacts(&self) -> Vec<String> {
-        self.contacts.clone()
-    }
-
+    contacts: Vec<String> = self.contacts.clone();
     /// Why, for the kinds "stepping" and "non-unique"; else None.
-    #[getter]
-    fn reason(&self) -> Option<&'static str> {
-        match &self.event.kind {
-            EventKind::Steps { reason } => Some(reason.name()),
-            EventKind::NonUnique { reason, .. } => Some(reason.name()),
-            _ => None,
-        }
-    }
-
+    reason: Option<&'static str> = self.reason;
     /// Names of the flags of an event of the kind "several": "energy-gain", "non-unique"; else empty.
-    #[getter]
-    fn flags(&self) -> Vec<&'static str> {
-        match &self.event.kind {
-            EventKind::Several { flags, .. } => flags.names().collect(),
-            _ => Vec::new(),
-        }
-    }
-
-    /// Configuration, shape (nq,).
-    #[getter]
-    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.event.q.clone(), &[self.event.q.len()])
-    }
-
-    /// Joint velocities before, shape (nv,).
-    #[getter]
-    fn qd_minus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.event.qd_minus.clone(), &[self.event.qd_minus.len()])
-    }
-
-    /// Joint velocities after, shape (nv,).
-    #[getter]
-    fn qd_plus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array(py, self.event.qd_plus.clone(), &[self.event.qd_plus.len()])
-    }
-
+    flags: Vec<&'static str> = self.flags.clone();
     /// The Impact, for an event of the kind "impact"; else None.
-    #[getter]
-    fn impact(&self) -> Option<Impact> {
-        match &self.event.kind {
-            EventKind::Impact { hit, .. } => Some(Impact::of_event((**hit).clone())),
-            _ => None,
-        }
-    }
+    impact: Option<Impact> = match &self.event.kind {
+        EventKind::Impact { hit, .. } => Some(Impact::of_event((**hit).clone())),
+        _ => None,
+    };
+    /// Configuration, shape (nq,).
+    q: Array<'py> = list(py, &self.event.q)?;
+    /// Joint velocities before, shape (nv,).
+    qd_minus: Array<'py> = list(py, &self.event.qd_minus)?;
+    /// Joint velocities after, shape (nv,).
+    qd_plus: Array<'py> = list(py, &self.event.qd_plus)?;
+} }
 
+#[pymethods]
+impl RunEvent {
     /// The impulses on the robot: a list of tuples of the contact, the point (3,) in m and the impulse (3,) in N s, world axes.
     #[getter]
     fn impulses<'py>(&self, py: Python<'py>) -> PyResult<Vec<Push<'py>>> {
         let one = |(one, name): (&carom_sim::ContactImpulse, &String)| {
-            let vector = |v: &nalgebra::Vector3<f64>| array(py, v.as_slice().to_vec(), &[3]);
+            let vector = |v: &nalgebra::Vector3<f64>| list(py, v.as_slice());
             Ok((name.clone(), vector(&one.point)?, vector(&one.impulse)?))
         };
-        self.event.impulses.iter().zip(&self.impulses).map(one).collect()
+        self.event.impulses.iter().zip(&self.struck).map(one).collect()
     }
 
     fn __repr__(&self) -> String {
         let place = self.contact.as_ref().map_or_else(String::new, |contact| format!(" at {contact}"));
-        format!("<carom.Event {}{place}, {} s>", self.kind(), self.event.time)
+        format!("<carom.Event {}{place}, {} s>", self.event.kind.name(), self.event.time)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Scenes: read, planned, run.
 
-use crate::array::array;
+use crate::array::{Array, Given, Maybe, list};
 use crate::chain::Chain;
 use crate::controller::PythonController;
 use crate::error::raise;
@@ -9,10 +9,11 @@ use crate::run::Run;
 use crate::sensitivity::{self, Sensitivity};
 use crate::session::Session;
 use crate::text::toml_text;
-use carom_sim::{Bounded, Decision, Sampling, Seen, SimError};
+use carom_sim::{Sampling, Seen, SimError};
 use pyo3::exceptions::{PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use pythonize::pythonize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -57,14 +58,27 @@ impl From<carom_sim::Scene> for Scene {
 }
 
 impl Scene {
-    fn numbers<'py>(py: Python<'py>, numbers: &[f64]) -> PyResult<Bound<'py, PyAny>> {
-        array(py, numbers.to_vec(), &[numbers.len()])
-    }
-
     fn other(&self, scene: carom_sim::Scene) -> Self {
         Self { scene: Arc::new(scene), functions: self.functions.clone() }
     }
 }
+
+getters! { Scene, self, py {
+    /// The robot.
+    chain: Chain = self.scene.simulation.chain.clone().into();
+    /// Configuration at the start, shape (nq,).
+    q: Array<'py> = list(py, &self.scene.q)?;
+    /// Joint velocities at the start, shape (nv,).
+    qd: Array<'py> = list(py, &self.scene.qd)?;
+    /// Duration of a run, s.
+    duration: f64 = self.scene.duration;
+    /// Names of the surfaces.
+    surfaces: Vec<&str> = self.scene.surfaces.iter().map(|surface| surface.name.as_str()).collect();
+    /// Names of the possible contacts.
+    contacts: Vec<&str> = self.scene.simulation.touches.iter().map(|touch| touch.name.as_str()).collect();
+    /// Warnings, one sentence each.
+    warnings: Vec<String> = self.scene.warnings.clone();
+} }
 
 #[pymethods]
 impl Scene {
@@ -88,50 +102,8 @@ impl Scene {
     /// Reads a scene from a dict with the keys of a scene file; file names in it are relative to `folder`. Errors as `from_file`.
     #[staticmethod]
     #[pyo3(signature = (keys, folder=PathBuf::from(".")))]
-    fn from_dict(py: Python<'_>, keys: &Bound<'_, PyAny>, folder: PathBuf) -> PyResult<Self> {
+    fn from_dict(py: Python<'_>, keys: Given, folder: PathBuf) -> PyResult<Self> {
         Self::from_toml(py, &toml_text(keys)?, folder)
-    }
-
-    /// The robot.
-    #[getter]
-    fn chain(&self) -> Chain {
-        self.scene.simulation.chain.clone().into()
-    }
-
-    /// Configuration at the start, shape (nq,).
-    #[getter]
-    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::numbers(py, &self.scene.q)
-    }
-
-    /// Joint velocities at the start, shape (nv,).
-    #[getter]
-    fn qd<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::numbers(py, &self.scene.qd)
-    }
-
-    /// Duration of a run, s.
-    #[getter]
-    fn duration(&self) -> f64 {
-        self.scene.duration
-    }
-
-    /// Names of the surfaces.
-    #[getter]
-    fn surfaces(&self) -> Vec<&str> {
-        self.scene.surfaces.iter().map(|surface| surface.name.as_str()).collect()
-    }
-
-    /// Names of the possible contacts.
-    #[getter]
-    fn contacts(&self) -> Vec<&str> {
-        self.scene.simulation.touches.iter().map(|touch| touch.name.as_str()).collect()
-    }
-
-    /// Warnings, one sentence each.
-    #[getter]
-    fn warnings(&self) -> Vec<String> {
-        self.scene.warnings.clone()
     }
 
     /// The same scene from another start.
@@ -139,7 +111,7 @@ impl Scene {
     /// Args:
     ///     q, qd: shapes (nq,) and (nv,); what is not given is kept.
     #[pyo3(signature = (q=None, qd=None))]
-    fn with_start(&self, q: Option<&Bound<'_, PyAny>>, qd: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+    fn with_start(&self, q: Maybe, qd: Maybe) -> PyResult<Self> {
         let chain = Chain::from(self.scene.simulation.chain.clone());
         let mut scene = (*self.scene).clone();
         if let Some(q) = q {
@@ -167,7 +139,7 @@ impl Scene {
     /// Raises:
     ///     ValueError: no contact of the scene is meant.
     #[pyo3(signature = (law, *, link=None, surface=None))]
-    fn with_law(&self, law: &Bound<'_, PyAny>, link: Option<&str>, surface: Option<&str>) -> PyResult<Self> {
+    fn with_law(&self, law: Given, link: Option<&str>, surface: Option<&str>) -> PyResult<Self> {
         let law = GivenLaw::read(law)?;
         let mut scene = (*self.scene).clone();
         let mut met = false;
@@ -182,7 +154,8 @@ impl Scene {
             }
         }
         if !met {
-            let names = self.contacts().join(", ");
+            let names: Vec<&str> = self.scene.simulation.touches.iter().map(|touch| touch.name.as_str()).collect();
+            let names = names.join(", ");
             return Err(PyValueError::new_err(format!("no contact of the scene is meant: its contacts are {names}")));
         }
         let mut other = self.other(scene);
@@ -207,7 +180,7 @@ impl Scene {
     ///     TypeError: function cannot be called.
     ///     ValueError: a rate that is not positive.
     #[pyo3(signature = (function, *, rate=None))]
-    fn with_controller(&self, function: &Bound<'_, PyAny>, rate: Option<f64>) -> PyResult<Self> {
+    fn with_controller(&self, function: Given, rate: Option<f64>) -> PyResult<Self> {
         let controller = PythonController::new(function, rate)?;
         let mut scene = (*self.scene).clone();
         (scene.simulation.drive, scene.simulation.after_impact) = (controller.drive(), None);
@@ -223,26 +196,8 @@ impl Scene {
     ///     SimulationError, ChainError: an invalid mesh, a singular mass matrix at the start.
     fn plan<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let plan = py.detach(|| self.scene.plan()).map_err(raise)?;
-        let decision = |it: &Decision| -> PyResult<_> {
-            let dict = PyDict::new(py);
-            dict.set_item("what", it.what)?;
-            dict.set_item("choice", &it.choice)?;
-            dict.set_item("why", &it.why)?;
-            Ok(dict)
-        };
-        let bounded = |it: &Bounded| -> PyResult<_> {
-            let dict = PyDict::new(py);
-            dict.set_item("what", it.what)?;
-            dict.set_item("choice", &it.choice)?;
-            dict.set_item("bound", it.bound)?;
-            dict.set_item("of", &it.of)?;
-            Ok(dict)
-        };
-        let dict = PyDict::new(py);
+        let dict = pythonize(py, &plan)?.cast_into::<PyDict>()?;
         dict.set_item("joints", Chain::from(plan.simulation.chain.clone()).joint_names())?;
-        dict.set_item("kept", plan.kept.iter().map(decision).collect::<PyResult<Vec<_>>>()?)?;
-        dict.set_item("left_out", plan.left_out.iter().map(decision).collect::<PyResult<Vec<_>>>()?)?;
-        dict.set_item("bounded", plan.bounded.iter().map(bounded).collect::<PyResult<Vec<_>>>()?)?;
         Ok(dict)
     }
 

@@ -1,10 +1,11 @@
 //! Derivatives of whole runs.
 
-use crate::array::array;
+use crate::array::{array, list};
 use carom_sim::{Parameter, Plan, SimError};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use pythonize::pythonize;
 
 /// The derivatives of a whole run: of its final state and of the times of its events. `Scene.sensitivity` makes one.
 ///
@@ -39,20 +40,21 @@ pub fn of(plan: &Plan, duration: f64, parameters: &[Parameter]) -> Result<Sensit
     plan.sensitivity(duration, parameters).map(Sensitivity::from)
 }
 
-#[pymethods]
-impl Sensitivity {
+getters! { Sensitivity, self, py {
     /// Names of the columns: "q shoulder", "qd shoulder", "restitution", "kp elbow"; of a joint with several coordinates with a
     /// number, "q base 3". The first 2 nv are also the names of the rows of `last_by`.
-    #[getter]
-    fn names(&self) -> Vec<&str> {
-        self.found.names.iter().map(String::as_str).collect()
-    }
+    names: Vec<&str> = self.found.names.iter().map(String::as_str).collect();
+    /// Where and why the derivatives end: a dict of time (s) and reason; None if they reach the end.
+    broken: Option<Bound<'py, PyAny>>, "dict[str, Any] | None" = self.found.broken.as_ref().map(|broken| pythonize(py, broken)).transpose()?;
+} }
 
+#[pymethods]
+impl Sensitivity {
     /// Time (s), q and qd at the end, of the joints that the plan keeps.
     #[getter]
     fn last<'py>(&self, py: Python<'py>) -> PyResult<(f64, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let last = &self.found.last;
-        let numbers = |x: &[f64]| array(py, x.to_vec(), &[x.len()]);
+        let numbers = |x: &[f64]| list(py, x);
         Ok((last.time, numbers(&last.q)?, numbers(&last.qd)?))
     }
 
@@ -68,23 +70,13 @@ impl Sensitivity {
     #[getter]
     fn events<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let event = |event: &carom_sim::EventTime| -> PyResult<_> {
-            let dict = PyDict::new(py);
-            dict.set_item("time", event.time)?;
-            dict.set_item("kinds", &event.kinds)?;
-            dict.set_item("time_by", array(py, event.time_by.clone(), &[event.time_by.len()])?)?;
-            Ok(dict)
+            Ok(dict! { py,
+                "time": event.time,
+                "kinds": &event.kinds,
+                "time_by": list(py, &event.time_by)?,
+            })
         };
         self.found.events.iter().map(event).collect()
-    }
-
-    /// Where and why the derivatives end: a dict of time (s) and reason; None if they reach the end.
-    #[getter]
-    fn broken<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(broken) = &self.found.broken else { return Ok(None) };
-        let dict = PyDict::new(py);
-        dict.set_item("time", broken.time)?;
-        dict.set_item("reason", &broken.reason)?;
-        Ok(Some(dict))
     }
 
     fn __repr__(&self) -> String {

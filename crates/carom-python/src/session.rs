@@ -1,14 +1,14 @@
 //! A simulation that a loop in Python advances.
 
-use crate::array::array;
+use crate::array::{Array, list};
 use crate::chain::Chain;
 use crate::error::{exceptions, raise};
-use crate::run::{RunEvent, contact_table, energy_dict};
+use crate::run::{RunEvent, contact_table};
 use crate::scene::Functions;
 use crate::table::Table;
 use carom_sim::{Advance, SimError, StopReason};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pythonize::pythonize;
 
 /// A simulation that a loop advances: read state and contacts, set joint forces, advance. Made by `Scene.session`.
 ///
@@ -42,56 +42,30 @@ impl Session {
         }
         Ok(events.into_iter().map(|event| RunEvent::of(sim, event)).collect())
     }
-
-    fn numbers<'py>(py: Python<'py>, numbers: Vec<f64>) -> PyResult<Bound<'py, PyAny>> {
-        let length = numbers.len();
-        array(py, numbers, &[length])
-    }
 }
+
+getters! { Session, self, py {
+    /// The simulated robot.
+    chain: Chain = self.chain.chain.clone().into();
+    /// Time, s.
+    time: f64 = self.session.time();
+    /// Configuration, shape (nq,); rad, m, quaternion.
+    q: Array<'py> = list(py, &self.session.moment().q)?;
+    /// Joint velocities, shape (nv,); rad/s, m/s.
+    qd: Array<'py> = list(py, &self.session.moment().qd)?;
+    /// The contact mode: "free", "sliding", "sticking", "latched", "pressing" or "stepping".
+    mode: &'static str = self.session.mode().name();
+    /// Energy balance since the start; the dict of `Run.energy`.
+    energy: Bound<'py, PyAny>, "dict[str, float]" = pythonize(py, &self.functions.pass(self.session.energy())?)?;
+} }
 
 #[pymethods]
 impl Session {
-    /// The simulated robot.
-    #[getter]
-    fn chain(&self) -> Chain {
-        self.chain.chain.clone().into()
-    }
-
-    /// Time, s.
-    #[getter]
-    fn time(&self) -> f64 {
-        self.session.time()
-    }
-
-    /// Configuration, shape (nq,); rad, m, quaternion.
-    #[getter]
-    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::numbers(py, self.session.moment().q)
-    }
-
-    /// Joint velocities, shape (nv,); rad/s, m/s.
-    #[getter]
-    fn qd<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Self::numbers(py, self.session.moment().qd)
-    }
-
-    /// The contact mode: "free", "sliding", "sticking", "latched", "pressing" or "stepping".
-    #[getter]
-    fn mode(&self) -> &'static str {
-        self.session.mode().name()
-    }
-
     /// The lasting contacts, with their forces under the present joint forces; a Table with the columns of `Run.contacts`.
     #[getter]
     fn contacts(&self) -> PyResult<Table> {
         let states = self.functions.pass(self.session.contacts())?;
         Ok(contact_table(self.session.simulation(), [(self.session.time(), &states[..])].into_iter()))
-    }
-
-    /// Energy balance since the start; the dict of `Run.energy`.
-    #[getter]
-    fn energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        energy_dict(py, &self.functions.pass(self.session.energy())?)
     }
 
     /// Sets constant joint forces instead of the controller, from now on.
@@ -147,7 +121,7 @@ impl Session {
     }
 
     fn __repr__(&self) -> String {
-        let (name, time, mode) = (self.session.chain().name(), self.time(), self.mode());
+        let (name, time, mode) = (self.session.chain().name(), self.session.time(), self.session.mode().name());
         format!("<carom.Session of '{name}' at {time} s, {mode}>")
     }
 }

@@ -1,6 +1,6 @@
 //! Impact maps of studies.
 
-use crate::array::array;
+use crate::array::list;
 use crate::batch::CHUNK;
 use crate::chain::Chain;
 use crate::error::raise;
@@ -13,6 +13,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -41,6 +42,10 @@ impl Study {
             Err(_) => Err(PyTypeError::new_err("study is neither a Study, a path nor a dict")),
         }
     }
+}
+
+fn names(study: &carom_study::map_study::Study) -> Vec<&str> {
+    study.columns().iter().map(|column| column.name.as_str()).collect()
 }
 
 /// Values of a row by the names of the columns; columns without a value are left out.
@@ -80,6 +85,17 @@ fn interruptible<R: Send>(py: Python<'_>, work: impl FnOnce(&AtomicBool) -> R + 
     })
 }
 
+getters! { Study, self, py {
+    /// Names of the columns.
+    columns: Vec<&str> = names(&self.study);
+    /// Units of the columns: a dict; empty texts for words and dimensionless numbers.
+    units: BTreeMap<&str, &str> = names(&self.study).into_iter().map(|name| (name, self.study.unit(name))).collect();
+    /// The robot.
+    chain: Chain = self.study.chain().clone().into();
+    /// Warnings, one sentence each.
+    warnings: Vec<String> = self.study.warnings.clone();
+} }
+
 #[pymethods]
 impl Study {
     /// Reads a study file (TOML) and its robot.
@@ -113,36 +129,12 @@ impl Study {
         self.study.rows() as usize
     }
 
-    /// Names of the columns.
-    #[getter]
-    fn columns(&self) -> Vec<&str> {
-        self.study.columns().iter().map(|column| column.name.as_str()).collect()
-    }
-
-    /// Units of the columns: a dict; empty texts for words and dimensionless numbers.
-    #[getter]
-    fn units(&self) -> std::collections::BTreeMap<&str, &str> {
-        self.study.columns().iter().map(|column| (column.name.as_str(), self.study.unit(&column.name))).collect()
-    }
-
     /// The axes that vary, in the order of the rows: a list of pairs of a name and the number of its values. The last axis varies
     /// fastest.
     #[getter]
     fn axes(&self) -> Vec<(&str, u64)> {
         let varying = self.study.axes().iter().filter(|axis| axis.varies());
         varying.map(|axis| (axis.name.as_str(), axis.count())).collect()
-    }
-
-    /// The robot.
-    #[getter]
-    fn chain(&self) -> Chain {
-        self.study.chain().clone().into()
-    }
-
-    /// Warnings, one sentence each.
-    #[getter]
-    fn warnings(&self) -> Vec<String> {
-        self.study.warnings.clone()
     }
 
     /// Computes the whole map, or the rows from `start` up to `stop`, as a Table in memory. Ctrl-C ends it.
@@ -198,29 +190,29 @@ impl Study {
     fn advise<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (study, columns) = (&*self.study, self.study.columns());
         let advice = on_all_cores(py, || study.advise())?.map_err(raise)?;
-        let pose = |q: &[f64]| array(py, q.to_vec(), &[q.len()]);
+        let pose = |q: &[f64]| list(py, q);
         let mut best = Vec::new();
         for it in &advice.best {
-            let one = PyDict::new(py);
-            one.set_item("row", it.index)?;
-            one.set_item("q", pose(&it.q)?)?;
-            one.set_item("values", named(py, columns, &it.row)?)?;
             let moved =
                 it.self_motion.as_ref().map(|(q, row)| -> PyResult<_> { Ok((pose(q)?, named(py, columns, row)?)) });
-            one.set_item("self_motion", moved.transpose()?)?;
-            best.push(one);
+            best.push(dict! { py,
+                "row": it.index,
+                "q": pose(&it.q)?,
+                "values": named(py, columns, &it.row)?,
+                "self_motion": moved.transpose()?,
+            });
         }
-        let dict = PyDict::new(py);
-        dict.set_item("column", &advice.column)?;
-        dict.set_item("goal", if advice.maximise { "maximise" } else { "minimise" })?;
-        dict.set_item("fulfil", advice.fulfil)?;
-        dict.set_item("best_median_worst", advice.spread.map(|[a, b, c]| (a, b, c)))?;
-        dict.set_item("best", best)?;
-        Ok(dict)
+        Ok(dict! { py,
+            "column": &advice.column,
+            "goal": if advice.maximise { "maximise" } else { "minimise" },
+            "fulfil": advice.fulfil,
+            "best_median_worst": advice.spread.map(|[a, b, c]| (a, b, c)),
+            "best": best,
+        })
     }
 
     fn __repr__(&self) -> String {
-        format!("<carom.Study: {} rows of {}>", self.study.rows(), self.columns().join(", "))
+        format!("<carom.Study: {} rows of {}>", self.study.rows(), names(&self.study).join(", "))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Tables: columns of numbers and of words, for NumPy, Pandas, Polars and whatever reads the Arrow C stream interface.
 
-use crate::array::{array, numpy};
+use crate::array::{Array, Maybe, list, numpy};
 use crate::error::raise;
 use crate::laws::texts;
 use arrow_array::ffi_stream::FFI_ArrowArrayStream;
@@ -59,10 +59,10 @@ impl Table {
         self.columns.iter().map(|column| column.name.as_str()).collect()
     }
 
-    fn column<'py>(&self, py: Python<'py>, c: usize) -> PyResult<Bound<'py, PyAny>> {
+    fn column<'py>(&self, py: Python<'py>, c: usize) -> PyResult<Array<'py>> {
         let (column, values) = (&self.columns[c], &self.values[c]);
         if column.words.is_empty() {
-            return array(py, values.clone(), &[values.len()]);
+            return list(py, values);
         }
         if values.is_empty() {
             return numpy(py)?.call_method1("array", (Vec::<String>::new(), "str"));
@@ -91,14 +91,13 @@ impl Table {
     }
 }
 
+getters! { Table, self, py {
+    /// Names of the columns.
+    columns: Vec<&str> = self.names();
+} }
+
 #[pymethods]
 impl Table {
-    /// Names of the columns.
-    #[getter]
-    fn columns(&self) -> Vec<&str> {
-        self.names()
-    }
-
     fn __len__(&self) -> usize {
         self.values.first().map_or(0, Vec::len)
     }
@@ -108,7 +107,7 @@ impl Table {
     }
 
     /// A column as an array: numbers, or texts for a column of words.
-    fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+    fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Array<'py>> {
         self.column(py, self.find(name)?)
     }
 
@@ -122,12 +121,12 @@ impl Table {
     }
 
     /// A pandas.DataFrame; needs pandas.
-    fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         py.import("pandas")?.call_method1("DataFrame", (self.numpy(py)?,))
     }
 
     /// A polars.DataFrame; needs polars.
-    fn to_polars<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+    fn to_polars<'py>(this: &Bound<'py, Self>) -> PyResult<Array<'py>> {
         this.py().import("polars")?.call_method1("DataFrame", (this,))
     }
 
@@ -157,7 +156,7 @@ impl Table {
     fn __arrow_c_stream__<'py>(
         &self,
         py: Python<'py>,
-        requested_schema: Option<&Bound<'py, PyAny>>,
+        requested_schema: Maybe<'_, 'py>,
     ) -> PyResult<Bound<'py, PyCapsule>> {
         // The protocol allows a producer to ignore the request.
         let _ = requested_schema;

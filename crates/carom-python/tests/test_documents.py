@@ -1,6 +1,7 @@
 """The README's snippet and the examples run as they stand; the stubs have what the package has."""
 
 import ast
+import importlib.util
 import inspect
 import os
 import pathlib
@@ -81,6 +82,15 @@ def test_the_stubs_have_what_the_package_has():
         else:
             assert set(inspect.signature(found).parameters) == stubs[name], name
         assert found.__doc__, name
+
+
+def test_the_properties_of_the_stubs_have_the_types_of_the_getters():
+    spec = importlib.util.spec_from_file_location("stubs", HERE / "stubs.py")
+    stubs = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(stubs)
+    assert len(list(stubs.getters())) > 100
+    text = stubs.STUB.read_text()
+    assert stubs.written(text) == text, "run stubs.py"
 
 
 def test_the_version_is_that_of_the_crates():

@@ -54,10 +54,10 @@ pub use model::{
 pub use motion::{ContactState, NonUnique, free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};
 pub use run::{
-    Advance, Broken, EnergyBooks, Event, EventKind, EventTime, Sampling, Seen, Segment, Sensitivity, Session,
-    SessionState, Statistics, StepReason, StopReason, Summary, Trajectory,
+    Advance, AtContact, Broken, EnergyBooks, Event, EventKind, EventTime, NamedEvent, Sampling, Seen, Segment,
+    Sensitivity, Session, SessionState, Statistics, StepReason, StopReason, Summary, Trajectory, UnderLaw,
 };
-#[doc(hidden)]
-pub use scene::from_toml;
 pub use scene::{Distribution, Perturbation, Scene};
+#[doc(hidden)]
+pub use scene::{from_toml, keys};
 pub use state::{ContactImpulse, Moment, Profile};

@@ -152,11 +152,11 @@ fn the_plan_names_a_users_law_and_its_friction_is_not_left_out() {
         ["slowing, restitution 0.5, friction 0.02", "slowing: impacts of one contact, without any approximation"]
     );
     assert!(plan.bounded.iter().all(|it| it.what != "friction"), "{:?}", plan.bounded);
-    assert_eq!(run.summary.statistics.neglected, 0);
+    assert_eq!(run.summary.statistics.neglected_frictions, 0);
     let (plan, run) = made(Newton { restitution: 0.5, friction: 0.02 }.into());
     assert_eq!(plan.kept.iter().filter(|it| it.what == "law").count(), 1);
     assert!(plan.bounded.iter().any(|it| it.what == "friction"));
-    assert!(run.summary.statistics.neglected > 0);
+    assert!(run.summary.statistics.neglected_frictions > 0);
     // Without friction only laws of carom-impact are known to agree.
     assert!(made(ContactLaw::new(Slowing, 0.5, 0.0)).0.left_out.iter().all(|it| it.what != "friction"));
     assert!(made(Frictionless { restitution: 0.5 }.into()).0.left_out.iter().any(|it| it.what == "friction"));

@@ -215,7 +215,7 @@ fn error_of_neglected_friction_is_within_the_reported_bound() {
             other => panic!("{other:?}"),
         });
         let change = (a_hit.u_plus - b_hit.u_plus).norm() / b_hit.u_minus.norm();
-        if a.summary.statistics.neglected > 0 {
+        if a.summary.statistics.neglected_frictions > 0 {
             let bound = a.summary.statistics.neglected_bound;
             assert!(change <= bound * (1.0 + 1e-9), "case {case}: {change} above its bound {bound}");
             worst = worst.max(change / bound);

@@ -220,10 +220,10 @@ fn the_plan_bounds_neglected_friction_as_the_run_does() {
         assert_eq!((run.events.len(), run.events[0].kind.name()), (1, "impact"));
         let bounds: Vec<f64> = plan.bounded.iter().filter(|it| it.what == "friction").map(|it| it.bound).collect();
         if friction == 0.0 {
-            assert!(bounds.is_empty() && statistics.neglected == 0, "{bounds:?}");
+            assert!(bounds.is_empty() && statistics.neglected_frictions == 0, "{bounds:?}");
             continue;
         }
-        assert_eq!((bounds.len(), statistics.neglected), (1, 1));
+        assert_eq!((bounds.len(), statistics.neglected_frictions), (1, 1));
         // The arm turns by some nanoradians between the start and the impact.
         let off = bounds[0] / statistics.neglected_bound - 1.0;
         assert!(bounds[0] > 0.1 * friction && off.abs() < 1e-7, "{bounds:?} {statistics:?}");

@@ -2,72 +2,42 @@
 
 use super::{FitCommand, Flights};
 use crate::output::short;
-use carom_study::fit::{Fit, FittedTo, Misfit, Score};
+use carom_study::fit::{Coefficient, Fit, FittedTo, Loss, Misfit, Score};
 use serde::Serialize;
 use std::io::{self, Write};
 
 #[derive(Serialize)]
-pub struct Report {
-    fitted_to: &'static str,
-    law: String,
-    loss: &'static str,
+pub struct Report<'a> {
+    fitted_to: FittedTo,
+    law: &'a str,
+    loss: Loss,
     #[serde(skip_serializing_if = "Option::is_none")]
     threshold: Option<f64>,
     confidence: f64,
     seed: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
-    start: Option<String>,
+    start: Option<&'a str>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    horizon: Option<String>,
-    coefficients: Vec<CoefficientAnswer>,
-    train: ScoreAnswer,
+    horizon: Option<&'a str>,
+    coefficients: &'a [Coefficient],
+    train: Score,
     #[serde(skip_serializing_if = "Option::is_none")]
-    test: Option<ScoreAnswer>,
+    test: Option<Score>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    flights: Option<FlightsAnswer>,
-    notes: Vec<String>,
+    flights: Option<FlightsAnswer<'a>>,
+    notes: &'a [String],
     trials: usize,
-    each: Vec<Each>,
+    each: &'a [Misfit],
 }
 
 #[derive(Serialize)]
-struct CoefficientAnswer {
-    name: &'static str,
-    value: f64,
-    low: f64,
-    high: f64,
-    interval: &'static str,
-}
-
-#[derive(Serialize)]
-struct ScoreAnswer {
-    count: usize,
-    mean: f64,
-    median: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    below_half: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    whole_mean: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    whole_median: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    early_mean: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    early_median: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    least_in_cone: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    least: Option<f64>,
-}
-
-#[derive(Serialize)]
-struct FlightsAnswer {
+struct FlightsAnswer<'a> {
     joined: usize,
     /// Medians.
     rest: f64,
     deviation: f64,
     outliers: Vec<Outlier>,
-    left_out: Vec<LeftOut>,
+    left_out: Vec<LeftOut<'a>>,
 }
 
 /// A sample that was left out.
@@ -78,49 +48,13 @@ struct Outlier {
 }
 
 #[derive(Serialize)]
-struct LeftOut {
+struct LeftOut<'a> {
     number: i64,
-    reason: String,
+    reason: &'a str,
 }
 
-#[derive(Serialize)]
-struct Each {
-    number: i64,
-    trained: bool,
-    error: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    whole: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    early: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    least_in_cone: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    least: Option<f64>,
-}
-
-impl Report {
-    pub fn new(fit: &Fit, told: &Flights, command: &FitCommand) -> Self {
-        let score = |s: &Score| ScoreAnswer {
-            count: s.count,
-            mean: s.mean,
-            median: s.median,
-            below_half: s.below_half,
-            whole_mean: s.whole.map(|both| both.0),
-            whole_median: s.whole.map(|both| both.1),
-            early_mean: s.early.map(|both| both.0),
-            early_median: s.early.map(|both| both.1),
-            least_in_cone: s.least_in_cone,
-            least: s.least,
-        };
-        let each = |one: &Misfit| Each {
-            number: one.number,
-            trained: one.trained,
-            error: one.error,
-            whole: one.whole,
-            early: one.early,
-            least_in_cone: one.least_in_cone,
-            least: one.least,
-        };
+impl<'a> Report<'a> {
+    pub fn new(fit: &'a Fit, told: &'a Flights, command: &'a FitCommand) -> Self {
         let middle = |values: &[f64]| {
             let mut sorted = values.to_vec();
             sorted.sort_by(f64::total_cmp);
@@ -131,38 +65,25 @@ impl Report {
             rest: middle(&told.rests),
             deviation: middle(&told.deviations),
             outliers: told.outliers.iter().map(|&(number, time)| Outlier { number, time }).collect(),
-            left_out: told
-                .left_out
-                .iter()
-                .map(|(number, reason)| LeftOut { number: *number, reason: reason.clone() })
-                .collect(),
+            left_out: told.left_out.iter().map(|(number, reason)| LeftOut { number: *number, reason }).collect(),
         });
+        let trajectories = fit.to == FittedTo::Trajectories;
         Self {
-            fitted_to: fit.to.name(),
-            law: fit.law.clone(),
-            loss: fit.loss.name(),
+            fitted_to: fit.to,
+            law: &fit.law,
+            loss: fit.loss,
             threshold: fit.threshold,
             confidence: command.confidence,
             seed: command.seed,
-            start: (fit.to == FittedTo::Trajectories).then(|| command.start.clone()),
-            horizon: (fit.to == FittedTo::Trajectories).then(|| command.horizon.clone()),
-            coefficients: fit
-                .coefficients
-                .iter()
-                .map(|c| CoefficientAnswer {
-                    name: c.name,
-                    value: c.value,
-                    low: c.low,
-                    high: c.high,
-                    interval: c.interval.name(),
-                })
-                .collect(),
-            train: score(&fit.train),
-            test: fit.test.as_ref().map(score),
+            start: trajectories.then_some(&command.start),
+            horizon: trajectories.then_some(&command.horizon),
+            coefficients: &fit.coefficients,
+            train: fit.train,
+            test: fit.test,
             flights,
-            notes: fit.notes.clone(),
+            notes: &fit.notes,
             trials: fit.trials,
-            each: fit.each.iter().map(each).collect(),
+            each: &fit.each,
         }
     }
 }
@@ -171,14 +92,19 @@ impl Report {
 const WORST: usize = 5;
 
 pub fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
-    let trajectories = report.fitted_to == FittedTo::Trajectories.name();
+    let trajectories = report.fitted_to == FittedTo::Trajectories;
     let of = if trajectories { "tosses" } else { "impacts" };
     let tested = report.test.as_ref().map_or(0, |test| test.count);
     let threshold = report.threshold.map_or(String::new(), |t| format!(" beyond {}", short(t)));
     writeln!(
         out,
         "{} of {} {of} ({tested} kept for the test, seed {}), law {}, loss {}{threshold}, {} trials",
-        report.fitted_to, report.train.count, report.seed, report.law, report.loss, report.trials
+        report.fitted_to.name(),
+        report.train.count,
+        report.seed,
+        report.law,
+        report.loss.name(),
+        report.trials
     )?;
     if let Some(flights) = &report.flights {
         writeln!(
@@ -197,7 +123,7 @@ pub fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
             writeln!(out, "{count} samples left out, which contradict their flights: {}{more}", of.join(", "))?;
         }
     }
-    for c in &report.coefficients {
+    for c in report.coefficients {
         let percent = report.confidence * 100.0;
         writeln!(
             out,
@@ -206,7 +132,7 @@ pub fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
             short(c.value),
             short(c.low),
             short(c.high),
-            c.interval
+            c.interval.name()
         )?;
     }
     let (what, more) = if trajectories {
@@ -229,12 +155,12 @@ pub fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
         };
         row(out, name, cells.into_iter().map(|x| x.map_or(String::new(), short)).collect())?;
     }
-    let mut worst: Vec<&Each> = report.each.iter().collect();
+    let mut worst: Vec<&Misfit> = report.each.iter().collect();
     worst.sort_by(|a, b| b.error.total_cmp(&a.error));
     worst.truncate(WORST);
     let worst: Vec<String> = worst.iter().map(|one| format!("{} ({})", one.number, short(one.error))).collect();
     writeln!(out, "worst {of}: {}", worst.join(", "))?;
-    for note in &report.notes {
+    for note in report.notes {
         writeln!(out, "note: {note}")?;
     }
     Ok(())

@@ -96,7 +96,7 @@ fn invalid_scenes_are_refused_with_the_reason() {
     desk.refuses_scene(
         |text| text.replace("restitution =", "restituton ="),
         "s.toml: line 12: unknown field `restituton`, expected one of `law`, `restitution`, `tangential_restitution`, `friction`, \
-         `limit_restitution`, `latch`, `compliance`, `several`, `several_exponent`, `relative_stiffness`, `links`, `between_robots`, `pair`; did you mean `restitution`?",
+         `latch`, `compliance`, `relative_stiffness`, `limit_restitution`, `several`, `several_exponent`, `links`, `between_robots`, `pair`; did you mean `restitution`?",
     );
     desk.refuses_scene(
         |text| text.replace("0.6364, 0, 0]", "0.63, 0, 0]"),

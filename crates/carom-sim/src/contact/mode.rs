@@ -1,5 +1,7 @@
 //! The contact modes of a chain, in each of which its motion is smooth.
 
+use serde::{Serialize, Serializer};
+
 /// The mode of one lasting contact, or of the whole chain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ContactMode {
@@ -57,5 +59,12 @@ impl ContactMode {
             | Self::Latched { touch }
             | Self::Pressing { touch, .. } => Some(touch),
         }
+    }
+}
+
+/// By its name.
+impl Serialize for ContactMode {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(self.name())
     }
 }

@@ -3,10 +3,12 @@
 //! Symbols as in `strike.rs`.
 
 use crate::error::SimError;
+use crate::state::written;
 use carom_chain::PointResponse;
 use carom_chain::algebra::Algebra;
 use carom_impact::{Flags, ImpactOutcome, Mode};
 use nalgebra::{Matrix3, MatrixXx3, SMatrix, SVector, Vector3};
+use serde::{Serialize, Serializer};
 
 /// Share of T⁻ by which the energies may miss the work: some digits above the rounding of a chain in regular position.
 const BALANCED: f64 = 1e-9;
@@ -17,32 +19,51 @@ const ROUNDED: f64 = 1024.0 * f64::EPSILON;
 /// Where rounding could take a larger share of T⁻, velocities are not known.
 const UNKNOWN: f64 = 1e-3;
 
-/// The result of an impact of a chain.
-#[derive(Debug, Clone)]
+/// The result of an impact of a chain. Serde writes what happens at the contact point; numbers by joint are written beside it, in the
+/// order of joints that is wanted there.
+#[derive(Debug, Clone, Serialize)]
 pub struct ChainImpact {
     /// Joint velocities after the impact, length nv; rad/s, m/s.
+    #[serde(skip)]
     pub qd_plus: Vec<f64>,
     /// Impulse on the robot, world axes, N s.
+    #[serde(serialize_with = "written::vector")]
     pub impulse: Vector3<f64>,
     /// Velocity of the contact point before, world axes, m/s.
+    #[serde(serialize_with = "written::vector")]
     pub u_minus: Vector3<f64>,
     /// Velocity of the contact point after, world axes, m/s.
+    #[serde(serialize_with = "written::vector")]
     pub u_plus: Vector3<f64>,
     /// Kinetic energy of the whole chain before, J.
     pub energy_before: f64,
     /// Kinetic energy of the whole chain after, J, from `qd_plus`: `energy_before + ½ p·(u⁻ + u⁺) + drive_work`.
     pub energy_after: f64,
     /// Impulse of the drives on each joint, length nv, N m s or N s; zeros with [`JointModel::Free`](crate::JointModel::Free).
+    #[serde(skip)]
     pub drive_impulse: Vec<f64>,
     /// Work of that impulse, J.
+    #[serde(skip)]
     pub drive_work: f64,
     /// Contact mode at the end of the impact: no impact, stick, slip or reverse slip.
+    #[serde(serialize_with = "written::mode")]
     pub mode: Mode,
-    /// Notes about the result, for instance an energy gain.
-    pub flags: Flags,
     /// The outcome of the law in contact axes: work, realised coefficients, phases. Its energies include the inertia W of the
-    /// drives.
+    /// drives. Serde writes the works.
+    #[serde(flatten, serialize_with = "works")]
     pub contact: ImpactOutcome<f64, 3>,
+    /// Notes about the result, for instance an energy gain.
+    #[serde(serialize_with = "written::flags")]
+    pub flags: Flags,
+}
+
+fn works<S: Serializer>(of: &ImpactOutcome<f64, 3>, to: S) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Works {
+        normal_work: f64,
+        friction_work: f64,
+    }
+    Works { normal_work: of.normal_work, friction_work: of.friction_work }.serialize(to)
 }
 
 impl ChainImpact {

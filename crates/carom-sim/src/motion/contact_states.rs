@@ -3,29 +3,35 @@
 use super::smooth::Motion;
 use crate::contact::ContactMode;
 use crate::error::SimError;
-use crate::state::Space;
+use crate::state::{Space, written};
 use carom_impact::Flags;
 use nalgebra::Vector3;
+use serde::Serialize;
 
 /// A lasting contact at one time.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ContactState {
     /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
+    #[serde(skip)]
     pub touch: usize,
     /// Its mode; [`ContactMode::Stepping`] in time steps.
     pub mode: ContactMode,
     /// Contact point, world axes, m; zero for a joint limit.
+    #[serde(serialize_with = "written::vector")]
     pub point: Vector3<f64>,
     /// Unit normal from the environment to the robot, world axes; zero for a joint limit.
+    #[serde(serialize_with = "written::vector")]
     pub normal: Vector3<f64>,
     /// Gap, m or rad; negative for a compliant contact that is pressed.
     pub gap: f64,
     /// Force on the robot, world axes, N; zero for a joint limit. In a time step the mean over the step.
+    #[serde(serialize_with = "written::vector")]
     pub force: Vector3<f64>,
     /// Its normal component, N; for a joint limit the force or torque on the joint, N or N m. Forces of redundant contacts
     /// are those of equal springs under all of them, or, where these are not admissible, the admissible ones of least norm.
     pub normal_force: f64,
     /// `non-unique` if the motion depends on how this force and those of other contacts are distributed.
+    #[serde(serialize_with = "written::flags")]
     pub flags: Flags,
 }
 

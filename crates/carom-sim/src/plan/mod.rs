@@ -24,18 +24,23 @@ use carom_chain::PlanarChain;
 use carom_chain::urdf::JointType;
 use nalgebra::Vector3;
 use numbers::{SAME, bound_at_start, depth_at_start, fastest_rate, merged, without_motor};
+use serde::Serialize;
 
-/// The reduced simulation of a scene, and the list of its reductions.
-#[derive(Debug, Clone)]
+/// The reduced simulation of a scene, and the list of its reductions, which serde writes.
+#[derive(Debug, Clone, Serialize)]
 pub struct Plan {
     /// The reduced simulation.
+    #[serde(skip)]
     pub simulation: Simulation,
     /// Configuration at the start, of all joints.
+    #[serde(skip)]
     pub q: Vec<f64>,
     /// Joint velocities at the start, of all joints.
+    #[serde(skip)]
     pub qd: Vec<f64>,
     /// The chain of the simulation in the plane, if it moves parallel to one. The run is in it unless
     /// [`Simulation::planar`] is `false`.
+    #[serde(skip)]
     pub flat: Option<PlanarChain>,
     /// What is modelled, and how.
     pub kept: Vec<Decision>,
@@ -46,7 +51,7 @@ pub struct Plan {
 }
 
 /// One decision of a plan.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Decision {
     /// The subject: `space`, `joints`, `contacts`, `law`, `friction`, `gravity`, `integrator` …
     pub what: &'static str,
@@ -57,7 +62,7 @@ pub struct Decision {
 }
 
 /// An effect that is left out with a bound on the error.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Bounded {
     /// `friction`, `tilt` or `compliance`.
     pub what: &'static str,

@@ -249,7 +249,7 @@ impl<A: Space> Run<'_, '_, A> {
                 // The bound holds for the laws of `carom-impact`.
                 if friction > 0.0 && !given.is_users() && sim.neglect.is_some_and(|share| bound <= share) {
                     law = &plain;
-                    self.statistics.neglected += 1;
+                    self.statistics.neglected_frictions += 1;
                     self.statistics.neglected_bound = self.statistics.neglected_bound.max(bound);
                 }
                 let hit = ChainImpact::of_outcome(problem.resolve(law)?, &axes, &response, &qd);

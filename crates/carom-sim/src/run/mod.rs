@@ -12,6 +12,7 @@ mod leap;
 mod leg;
 mod memory;
 mod modes;
+mod named;
 mod observer;
 mod sampler;
 mod sensitivity;
@@ -23,6 +24,7 @@ mod stream;
 mod trajectory;
 mod variation;
 
+pub use named::{AtContact, NamedEvent, UnderLaw};
 pub use sensitivity::{Broken, EventTime, Sensitivity};
 pub use session::{Advance, Session, SessionState};
 pub use trajectory::{

@@ -36,6 +36,7 @@ use crate::plan::Plan;
 use crate::state::{Moment, Space};
 use carom_chain::{Coordinates, Planar, PlanarChain, Spatial};
 use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
 use std::cell::RefCell;
 
 /// Derivatives of the final state of a run, and of the times of its events.
@@ -58,8 +59,8 @@ pub struct Sensitivity {
     pub broken: Option<Broken>,
 }
 
-/// The time of an event, and its derivatives.
-#[derive(Debug, Clone, PartialEq)]
+/// The time of an event, and its derivatives. Serde leaves out derivatives whose digits do not count.
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct EventTime {
     /// Time, s.
     pub time: f64,
@@ -67,11 +68,16 @@ pub struct EventTime {
     pub kinds: Vec<&'static str>,
     /// Derivatives by the columns of [`Sensitivity`]; not numbers for impacts so slow that their digits do not count: the last ones before
     /// an accumulation. Their effect on the motion is part of the other derivatives all the same.
+    #[serde(skip_serializing_if = "uncounted")]
     pub time_by: Vec<f64>,
 }
 
+fn uncounted(numbers: &Vec<f64>) -> bool {
+    !numbers.iter().all(|x| x.is_finite())
+}
+
 /// Where the outcome of a run is not differentiable.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Broken {
     /// Time, s.
     pub time: f64,

@@ -7,6 +7,7 @@ use crate::motion::{ContactState, NonUnique};
 use crate::state::{ContactImpulse, Moment};
 use carom_chain::Chain;
 use carom_impact::Flags;
+use serde::{Serialize, Serializer};
 use std::f64::consts::PI;
 
 /// The kind of an event.
@@ -229,7 +230,8 @@ pub struct Sampling {
 }
 
 /// The reason for the end of a simulation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum StopReason {
     /// The requested duration was reached.
     Duration,
@@ -247,8 +249,22 @@ impl StopReason {
     }
 }
 
+/// Defines a struct with the list of its fields.
+macro_rules! listed {
+    ($(#[$meta:meta])* pub struct $name:ident { $($(#[doc = $text:literal])* pub $field:ident: $type:ty,)* }) => {
+        $(#[$meta])*
+        pub struct $name { $($(#[doc = $text])* pub $field: $type,)* }
+
+        impl $name {
+            /// Name and description of each field.
+            pub const FIELDS: &[(&str, &str)] = &[$((stringify!($field), concat!($($text),*))),*];
+        }
+    };
+}
+
+listed! {
 /// Statistics of the solvers.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Statistics {
     /// Accepted integration steps.
     pub steps: usize,
@@ -270,12 +286,13 @@ pub struct Statistics {
     /// Time in contact modes, and in time steps, whose motion depends on how forces are distributed over redundant contacts, s.
     pub non_unique_time: f64,
     /// Number of impacts whose friction was neglected.
-    pub neglected: usize,
+    pub neglected_frictions: usize,
     /// Largest bound on the error of these impacts: change of the velocity of the contact point, relative to its velocity
     /// before the impact.
     pub neglected_bound: f64,
     /// Largest penetration of compliant contacts that were treated as rigid, m.
     pub neglected_depth: f64,
+}
 }
 
 /// The energy balance of a run, J: `end = start + drive + resistance − impacts`, up to the error of the integration.
@@ -291,6 +308,15 @@ pub struct EnergyBooks {
     pub resistance: f64,
     /// Energy lost in impacts and by the impulses of time steps: −½ Σ (u⁻ + u⁺)·p (negative: gained).
     pub impacts: f64,
+}
+
+impl Serialize for EnergyBooks {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let Self { start, end, drive, resistance, impacts } = *self;
+        let lost = ("lost_in_impacts", impacts);
+        let all = [("start", start), ("end", end), ("drive", drive), ("resistance", resistance), lost];
+        to.collect_map(all.into_iter().chain([("error", self.error())]))
+    }
 }
 
 impl EnergyBooks {

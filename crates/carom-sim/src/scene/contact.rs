@@ -1,6 +1,7 @@
 //! The contact rules of a scene: `[contact]`, and the values that a surface or a `[[contact.pair]]` replaces.
 
-use super::file::{self, All, Contact, Links, Override, Softness};
+use super::file::{self, All, Contact, ContactKeys, Links, Pair, Softness};
+use super::keys::Table;
 use crate::contact::{
     Compliance, ContactLaw, ContactRule, Holding, SeveralLaw, Surface, Touch, Touches, Yielding, are_disabled, robot_of,
 };
@@ -8,13 +9,6 @@ use crate::error::SimError;
 use carom_chain::Chain;
 use carom_impact::{Coefficients, Damping, LAW_NAMES, LawInfo, NormalForce};
 use std::collections::BTreeSet;
-
-/// The rule of `[contact]`.
-pub(crate) fn rule(contact: &Contact) -> Result<ContactRule, String> {
-    let Contact { restitution, tangential_restitution, friction, latch, relative_stiffness, .. } = *contact;
-    let law = law(&contact.law, Coefficients { restitution, tangential_restitution, friction })?;
-    Ok(ContactRule { law, latch, compliance: softness(&contact.compliance)?, relative_stiffness })
-}
 
 /// The law of several contacts of `[contact]`.
 pub(crate) fn several(contact: &Contact) -> Result<SeveralLaw, String> {
@@ -41,7 +35,7 @@ fn softness(given: &Softness) -> Result<Option<Compliance>, String> {
 }
 
 /// A rule with the values that `own` gives instead.
-pub(crate) fn overridden(rule: &ContactRule, own: &Override) -> Result<ContactRule, String> {
+pub(crate) fn overridden(rule: &ContactRule, own: &ContactKeys) -> Result<ContactRule, String> {
     let Coefficients { restitution, tangential_restitution, friction } = rule.law.coefficients;
     let coefficients = Coefficients {
         restitution: own.restitution.unwrap_or(restitution),
@@ -55,10 +49,14 @@ pub(crate) fn overridden(rule: &ContactRule, own: &Override) -> Result<ContactRu
 }
 
 /// A warning if the scene gives `tangential_restitution` and no contact has a law that uses it.
-pub(crate) fn unused(contact: &Contact, surfaces: &[file::Surface], touches: &[Touch]) -> Option<String> {
-    let own = surfaces.iter().map(|surface| surface.contact.tangential_restitution);
-    let given = own.chain(contact.pair.iter().map(|pair| pair.tangential_restitution)).flatten();
-    let given = given.chain([contact.tangential_restitution]).any(|value| value != 0.0);
+pub(crate) fn unused(
+    Table((whole, contact)): &Table<(ContactKeys, Contact)>,
+    surfaces: &[file::Surface],
+    touches: &[Touch],
+) -> Option<String> {
+    let own = surfaces.iter().map(|surface| &surface.contact.0);
+    let all = own.chain(contact.pair.iter().map(|Table((_, pair))| pair)).chain([whole]);
+    let given = all.filter_map(|keys| keys.tangential_restitution).any(|value| value != 0.0);
     let uses = |law: &str| LawInfo::named(law).is_some_and(|law| law.has("tangential_restitution"));
     let used = touches.iter().any(|touch| uses(touch.contact.law.name()));
     (given && !used).then(|| {
@@ -150,13 +148,12 @@ fn means(name: &str, link: Option<&str>) -> bool {
 
 /// Applies one `[[contact.pair]]`; returns whether it applies to any touch.
 pub(crate) fn apply(
-    pair: &file::Pair,
+    (pair, own): (&Pair, &ContactKeys),
     chain: &Chain,
     surfaces: &[Surface],
     touches: &mut [Touch],
 ) -> Result<bool, String> {
-    let file::Pair { link, surface, joint, .. } = pair;
-    let own = pair.values();
+    let Pair { link, surface, joint } = pair;
     if joint.is_some() == (link.is_some() || surface.is_some()) {
         return Err("needs link, surface or both, or else joint (for its limits)".into());
     }
@@ -200,7 +197,7 @@ pub(crate) fn apply(
         };
         if meant {
             met = true;
-            touch.contact = overridden(&touch.contact, &own)?;
+            touch.contact = overridden(&touch.contact, own)?;
             touch.contact.check(&touch.name).map_err(|e| e.to_string())?;
         }
     }

@@ -1,5 +1,6 @@
-//! The keys of controllers for serde, which `[run]` and `[[robot]]` share; they are documented in `mod.rs`.
+//! The keys of controllers, which `[run]` and `[[robot]]` share.
 
+use crate::key_group;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -51,65 +52,21 @@ impl Controller {
     }
 }
 
-/// A table that has the keys of a controller beside its own.
-macro_rules! with_controller {
-    ($name:ident { $($own:tt)* }) => {
-        #[derive(Deserialize, Default)]
-        #[serde(deny_unknown_fields)]
-        pub(crate) struct $name {
-            $($own)*
-            #[serde(default)]
-            pub controller: Controller,
-            pub after_impact: Option<Controller>,
-            pub target: Option<Target>,
-            pub kp: Option<PerJoint>,
-            pub kd: Option<PerJoint>,
-            pub torque: Option<Vec<f64>>,
-            pub torque_file: Option<PathBuf>,
-            pub reference: Option<PathBuf>,
-            pub feed_forward: Option<bool>,
-            pub gain: Option<f64>,
-            pub press: Option<f64>,
-            pub compensate: Option<bool>,
-        }
-
-        impl $name {
-            /// The keys of the controller.
-            pub fn control(&self) -> Control {
-                Control {
-                    controller: self.controller,
-                    after_impact: self.after_impact,
-                    target: self.target.clone(),
-                    kp: self.kp.clone(),
-                    kd: self.kd.clone(),
-                    torque: self.torque.clone(),
-                    torque_file: self.torque_file.clone(),
-                    reference: self.reference.clone(),
-                    feed_forward: self.feed_forward,
-                    gain: self.gain,
-                    press: self.press,
-                    compensate: self.compensate,
-                }
-            }
-        }
-    };
+key_group! {
+    /// The keys of a controller, of `[run]` or of one `[[robot]]`.
+    #[derive(Clone, PartialEq)]
+    pub(crate) struct Control needs [] {
+        controller: Controller,
+        after_impact: Option<Controller>,
+        target: Option<Target>,
+        kp: Option<PerJoint>,
+        kd: Option<PerJoint>,
+        torque: Option<Vec<f64>>,
+        torque_file: Option<PathBuf>,
+        reference: Option<PathBuf>,
+        feed_forward: Option<bool>,
+        gain: Option<f64>,
+        press: Option<f64>,
+        compensate: Option<bool>,
+    }
 }
-
-/// The keys of a controller, of `[run]` or of one `[[robot]]`.
-#[derive(Default, Clone, PartialEq)]
-pub(crate) struct Control {
-    pub controller: Controller,
-    pub after_impact: Option<Controller>,
-    pub target: Option<Target>,
-    pub kp: Option<PerJoint>,
-    pub kd: Option<PerJoint>,
-    pub torque: Option<Vec<f64>>,
-    pub torque_file: Option<PathBuf>,
-    pub reference: Option<PathBuf>,
-    pub feed_forward: Option<bool>,
-    pub gain: Option<f64>,
-    pub press: Option<f64>,
-    pub compensate: Option<bool>,
-}
-
-pub(crate) use with_controller;

@@ -1,14 +1,14 @@
-//! The keys of a scene file for serde; they are documented in `mod.rs`.
+//! The keys of a scene file for serde; the book documents them (`book/src/reference-scene.md`).
 
 use super::beam::Beam;
-use super::control::with_controller;
 pub(crate) use super::control::{Control, Controller, PerJoint, Target};
+use super::keys::{Loading, Table};
 use super::perturb::Distribution;
 use crate::contact::SeveralLaw;
+use crate::key_group;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{MapAccess, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
-use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -19,30 +19,36 @@ pub(crate) struct File {
     #[serde(default)]
     pub surface: Vec<Surface>,
     #[serde(default)]
-    pub contact: Contact,
+    pub contact: Table<(ContactKeys, Contact)>,
     #[serde(default)]
     pub spring: Vec<Spring>,
     #[serde(default)]
     pub force: Vec<Force>,
     #[serde(default, rename = "loop")]
     pub loops: Vec<Loop>,
-    pub run: Run,
+    pub run: Table<(Run, Control)>,
 }
 
 impl File {
+    /// The folders in which the packages of meshes are searched for first.
+    pub fn package_dirs(&self) -> Vec<&PathBuf> {
+        self.robot.all.iter().flat_map(|it| &it.load.package_dirs).collect()
+    }
+
     /// The files of the robots and of all tables; meshes are not among them.
     pub fn tables(&self) -> Vec<&PathBuf> {
-        let mut named: Vec<&PathBuf> = match &self.robot {
-            Robots::One(robot) => std::iter::once(&robot.urdf).chain(&robot.srdf).collect(),
-            Robots::Several(all) => {
-                let of = |it| {
-                    let it: &Member = it;
-                    [Some(&it.urdf), it.srdf.as_ref(), it.torque_file.as_ref(), it.reference.as_ref()]
-                };
-                all.iter().flat_map(of).flatten().collect()
-            }
-        };
-        named.extend(self.run.torque_file.iter().chain(&self.run.reference));
+        let Table((_, run)) = &self.run;
+        let mut named = Vec::new();
+        for Member { load, start, control, .. } in &self.robot.all {
+            named.extend([
+                Some(&load.urdf),
+                start.srdf.as_ref(),
+                control.torque_file.as_ref(),
+                control.reference.as_ref(),
+            ]);
+        }
+        named.extend([run.torque_file.as_ref(), run.reference.as_ref()]);
+        let mut named: Vec<&PathBuf> = named.into_iter().flatten().collect();
         named.extend(self.force.iter().filter_map(|it| it.file.as_ref()));
         for surface in &self.surface {
             named.extend(surface.motion.iter().filter_map(|motion| motion.file.as_ref()));
@@ -113,18 +119,37 @@ pub(crate) enum Axes {
 }
 
 /// `[robot]`, or the tables `[[robot]]`.
-pub(crate) enum Robots {
-    One(Box<Robot>),
-    Several(Vec<Member>),
+pub(crate) struct Robots {
+    /// `[[robot]]`: each robot has a name.
+    pub named: bool,
+    pub all: Vec<Member>,
 }
 
-impl Robots {
-    /// The folders in which the packages of meshes are searched for first.
-    pub fn package_dirs(&self) -> Vec<&PathBuf> {
-        match self {
-            Self::One(robot) => robot.package_dirs.iter().collect(),
-            Self::Several(all) => all.iter().flat_map(|it| &it.package_dirs).collect(),
-        }
+/// The keys of one robot.
+pub(crate) struct Member {
+    pub place: Place,
+    pub load: Loading,
+    pub start: Start,
+    /// Without keys for `[robot]`, whose controller is that of `[run]`.
+    pub control: Control,
+}
+
+key_group! {
+    pub(crate) struct Place needs [name] {
+        name: String,
+        position: Option<[f64; 3]>,
+        rpy: Option<[f64; 3]>,
+    }
+}
+
+key_group! {
+    pub(crate) struct Start needs [] {
+        srdf: Option<PathBuf>,
+        q: Option<Vec<f64>>,
+        qd: Option<Vec<f64>>,
+        tip_velocity: Option<TipVelocity>,
+        floating: bool,
+        beam: Vec<Beam>,
     }
 }
 
@@ -137,38 +162,23 @@ impl<'de> Deserialize<'de> for Robots {
                 f.write_str("a table [robot], or a table [[robot]] for each robot")
             }
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Robots, A::Error> {
-                Robot::deserialize(MapAccessDeserializer::new(map)).map(|robot| Robots::One(Box::new(robot)))
+                let Table((load, start)): Table<(Loading, Start)> =
+                    Table::deserialize(MapAccessDeserializer::new(map))?;
+                if start.q.is_none() {
+                    return Err(serde::de::Error::missing_field("q"));
+                }
+                let (place, control) = (Place::default(), Control::default());
+                Ok(Robots { named: false, all: vec![Member { place, load, start, control }] })
             }
             fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Robots, A::Error> {
-                Vec::deserialize(SeqAccessDeserializer::new(list)).map(Robots::Several)
+                let all: Vec<Table<((Place, Loading), (Start, Control))>> =
+                    Vec::deserialize(SeqAccessDeserializer::new(list))?;
+                let member = |Table(((place, load), (start, control)))| Member { place, load, start, control };
+                Ok(Robots { named: true, all: all.into_iter().map(member).collect() })
             }
         }
         deserializer.deserialize_any(Form)
     }
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Robot {
-    pub urdf: PathBuf,
-    pub srdf: Option<PathBuf>,
-    pub q: Vec<f64>,
-    pub qd: Option<Vec<f64>>,
-    pub tip_velocity: Option<TipVelocity>,
-    #[serde(default = "tip")]
-    pub tip: String,
-    #[serde(default)]
-    pub floating: bool,
-    #[serde(default)]
-    pub strict: bool,
-    #[serde(default)]
-    pub repair: bool,
-    #[serde(default)]
-    pub package_dirs: Vec<PathBuf>,
-    #[serde(default)]
-    pub rotor_inertia: BTreeMap<String, f64>,
-    #[serde(default)]
-    pub beam: Vec<Beam>,
 }
 
 #[derive(Deserialize)]
@@ -185,7 +195,7 @@ pub(crate) struct Surface {
     pub name: Option<String>,
     pub shape: Shape,
     #[serde(default)]
-    pub contact: Override,
+    pub contact: Table<ContactKeys>,
     pub motion: Option<Motion>,
     pub belt: Option<Belt>,
 }
@@ -253,22 +263,38 @@ pub(crate) struct Belt {
     pub file: Option<PathBuf>,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub(crate) struct Contact {
-    pub law: String,
-    pub restitution: f64,
-    pub tangential_restitution: f64,
-    pub friction: f64,
-    pub limit_restitution: f64,
-    pub latch: bool,
-    pub compliance: Softness,
-    pub several: SeveralLaw,
-    pub several_exponent: Option<f64>,
-    pub relative_stiffness: f64,
-    pub links: Links,
-    pub between_robots: Option<bool>,
-    pub pair: Vec<Pair>,
+key_group! {
+    /// The values of a contact: of `[contact]`, of one surface and of one pair.
+    pub(crate) struct ContactKeys needs [] {
+        law: Option<String>,
+        restitution: Option<f64>,
+        tangential_restitution: Option<f64>,
+        friction: Option<f64>,
+        latch: Option<bool>,
+        compliance: Option<Softness>,
+        relative_stiffness: Option<f64>,
+    }
+}
+
+key_group! {
+    /// The other keys of `[contact]`.
+    pub(crate) struct Contact needs [] {
+        limit_restitution: f64,
+        several: SeveralLaw,
+        several_exponent: Option<f64>,
+        links: Links = Links::Pairs(Vec::new()),
+        between_robots: Option<bool>,
+        pair: Vec<Table<(Pair, ContactKeys)>>,
+    }
+}
+
+key_group! {
+    /// The contacts with values of their own: those of one link with one surface, or the limits of one joint.
+    pub(crate) struct Pair needs [] {
+        link: Option<String>,
+        surface: Option<String>,
+        joint: Option<String>,
+    }
 }
 
 /// The links that may touch each other.
@@ -336,110 +362,23 @@ pub(crate) struct Bristle {
     pub damping: f64,
 }
 
-impl Default for Contact {
-    fn default() -> Self {
-        Self {
-            law: "frictionless".into(),
-            restitution: 0.0,
-            tangential_restitution: 0.0,
-            friction: 0.0,
-            limit_restitution: 0.0,
-            latch: false,
-            compliance: Softness::Rigid,
-            several: SeveralLaw::default(),
-            several_exponent: None,
-            relative_stiffness: 1.0,
-            links: Links::Pairs(Vec::new()),
-            between_robots: None,
-            pair: Vec::new(),
-        }
+key_group! {
+    pub(crate) struct Run needs [duration] {
+        duration: f64,
+        tolerance: f64 = 1e-9,
+        gravity: [f64; 3],
+        sample: Option<f64>,
+        max_step: Option<f64>,
+        zeno_time: Option<f64>,
+        contact_step: f64 = 1e-3,
+        max_events: usize = 100_000,
+        method: Method,
+        model: Model,
+        neglect: Option<f64>,
+        effort_limits: bool,
+        perturb: Option<Perturb>,
     }
 }
-
-/// The values of `[contact]` that one surface or pair replaces.
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields, default)]
-pub(crate) struct Override {
-    pub law: Option<String>,
-    pub restitution: Option<f64>,
-    pub tangential_restitution: Option<f64>,
-    pub friction: Option<f64>,
-    pub latch: Option<bool>,
-    pub compliance: Option<Softness>,
-    pub relative_stiffness: Option<f64>,
-}
-
-/// The values that apply to contacts of one link with one surface, or to the limits of one joint.
-#[derive(Deserialize, Clone)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Pair {
-    pub link: Option<String>,
-    pub surface: Option<String>,
-    pub joint: Option<String>,
-    pub law: Option<String>,
-    pub restitution: Option<f64>,
-    pub tangential_restitution: Option<f64>,
-    pub friction: Option<f64>,
-    pub latch: Option<bool>,
-    pub compliance: Option<Softness>,
-    pub relative_stiffness: Option<f64>,
-}
-
-impl Pair {
-    pub fn values(&self) -> Override {
-        let Self { law, restitution, tangential_restitution, friction, latch, compliance, relative_stiffness, .. } =
-            self.clone();
-        Override { law, restitution, tangential_restitution, friction, latch, compliance, relative_stiffness }
-    }
-}
-
-with_controller! { Run {
-    pub duration: f64,
-    #[serde(default = "tolerance")]
-    pub tolerance: f64,
-    #[serde(default)]
-    pub gravity: [f64; 3],
-    pub sample: Option<f64>,
-    pub max_step: Option<f64>,
-    pub zeno_time: Option<f64>,
-    #[serde(default = "contact_step")]
-    pub contact_step: f64,
-    #[serde(default = "max_events")]
-    pub max_events: usize,
-    #[serde(default)]
-    pub method: Method,
-    #[serde(default)]
-    pub model: Model,
-    pub neglect: Option<f64>,
-    #[serde(default)]
-    pub effort_limits: bool,
-    pub perturb: Option<Perturb>,
-} }
-
-with_controller! { Member {
-    pub name: String,
-    pub urdf: PathBuf,
-    pub srdf: Option<PathBuf>,
-    pub position: Option<[f64; 3]>,
-    pub rpy: Option<[f64; 3]>,
-    pub q: Option<Vec<f64>>,
-    pub qd: Option<Vec<f64>>,
-    pub tip_velocity: Option<TipVelocity>,
-    #[serde(default = "tip")]
-    pub tip: String,
-    #[serde(default)]
-    pub floating: bool,
-    #[serde(default)]
-    pub strict: bool,
-    #[serde(default)]
-    pub repair: bool,
-    #[serde(default)]
-    pub package_dirs: Vec<PathBuf>,
-    #[serde(default)]
-    pub rotor_inertia: BTreeMap<String, f64>,
-    #[serde(default)]
-    pub beam: Vec<Beam>,
-} }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -474,17 +413,4 @@ pub(crate) enum Model {
 
 fn unscaled() -> [f64; 3] {
     [1.0; 3]
-}
-/// The tip of a scene that names none.
-pub(crate) fn tip() -> String {
-    "tip".into()
-}
-fn tolerance() -> f64 {
-    1e-9
-}
-fn contact_step() -> f64 {
-    1e-3
-}
-fn max_events() -> usize {
-    100_000
 }

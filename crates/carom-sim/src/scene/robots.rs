@@ -2,7 +2,8 @@
 
 use super::beam::{divided, straight};
 use super::drive::{Drives, World};
-use super::file::{Control, Member, Robot, Robots, tip};
+use super::file::{Control, Member, Robots};
+use super::keys::TIP;
 use super::tip_velocity::tip_velocity;
 use crate::contact::Surface;
 use crate::error::SimError;
@@ -34,42 +35,15 @@ struct One {
     given: Member,
 }
 
-/// `[robot]` as a table of one robot; its controller is that of `[run]`.
-fn member(robot: Robot) -> Member {
-    let Robot { urdf, srdf, q, qd, tip_velocity, tip, floating, strict, repair, package_dirs, rotor_inertia, beam } =
-        robot;
-    let name = String::new();
-    Member {
-        name,
-        urdf,
-        srdf,
-        q: Some(q),
-        qd,
-        tip_velocity,
-        tip,
-        floating,
-        strict,
-        repair,
-        package_dirs,
-        rotor_inertia,
-        beam,
-        ..Member::default()
-    }
-}
-
 impl Robots {
     /// Loads the robots and places them.
     pub fn load(self, folder: &Path, refuse: &impl Fn(String) -> SimError) -> Result<Loaded, SimError> {
-        let robots = match self {
-            Self::One(robot) => vec![One::load(folder, member(*robot), None, refuse)?],
-            Self::Several(all) => {
-                let robots = all.into_iter().map(|it| {
-                    let name = it.name.clone();
-                    One::load(folder, it, Some(name), refuse)
-                });
-                robots.collect::<Result<Vec<_>, _>>()?
-            }
-        };
+        let named = self.named;
+        let robots = self.all.into_iter().map(|it| {
+            let name = named.then(|| it.place.name.clone());
+            One::load(folder, it, name, refuse)
+        });
+        let robots = robots.collect::<Result<Vec<_>, _>>()?;
         let [first, ..] = robots.as_slice() else {
             return Err(refuse("[[robot]] is empty: give one table for each robot".into()));
         };
@@ -95,26 +69,20 @@ impl One {
         refuse: &impl Fn(String) -> SimError,
     ) -> Result<Self, SimError> {
         let table = name.as_ref().map_or_else(|| "[robot]".to_owned(), |name| format!("[[robot]] '{name}'"));
-        for (key, file) in [("urdf", Some(&given.urdf)), ("srdf", given.srdf.as_ref())] {
-            if file.is_some_and(|file| file.as_os_str().is_empty()) {
-                return Err(refuse(format!("{table} {key} is empty: give the path of the file")));
-            }
+        let said = |why: String| refuse(format!("{table} {why}"));
+        let (file, options) = given.load.options(folder).map_err(said)?;
+        if given.start.srdf.as_ref().is_some_and(|file| file.as_os_str().is_empty()) {
+            return Err(said("srdf is empty: give the path of the file".into()));
         }
-        let options = LoadOptions {
-            floating_base: given.floating,
-            strict: given.strict,
-            repair: given.repair,
-            package_dirs: given.package_dirs.iter().map(|dir| folder.join(dir)).collect(),
-            srdf: given.srdf.as_ref().map(|file| folder.join(file)),
-            ..LoadOptions::default()
-        };
-        let robot = urdf::read_file(folder.join(&given.urdf), &options)?;
-        let (robot, springs) = divided(robot, &given.beam, &|joint| full(name.as_deref(), joint))?;
-        let mut rotors = given.rotor_inertia.iter();
+        let srdf = given.start.srdf.as_ref().map(|file| folder.join(file));
+        let options = LoadOptions { floating_base: given.start.floating, srdf, ..options };
+        let robot = urdf::read_file(file, &options)?;
+        let (robot, springs) = divided(robot, &given.start.beam, &|joint| full(name.as_deref(), joint))?;
+        let mut rotors = options.rotor_inertia.iter();
         let chain = Chain::from_robot(robot, &options);
         let chain = rotors.try_fold(chain, |chain, (joint, inertia)| chain.with_rotor_inertia(joint, *inertia))?;
         chain.check_dynamics()?;
-        let q = start(&chain, &given).map_err(|why| refuse(format!("{table} {why}")))?;
+        let q = start(&chain, &given).map_err(said)?;
         let robot = Self { name, table, chain, q, springs, given };
         robot.checked(robot.chain.check_state(&robot.q, &vec![0.0; robot.chain.nv()]), refuse)?;
         Ok(robot)
@@ -127,7 +95,7 @@ impl One {
 
     fn placed<'a>(&'a self, name: &'a str) -> Placed<'a> {
         // The place of a floating robot is in its q.
-        let pose = if self.given.floating { Isometry3::identity() } else { pose(&self.given) };
+        let pose = if self.given.start.floating { Isometry3::identity() } else { pose(&self.given) };
         Placed { name, chain: &self.chain, pose }
     }
 
@@ -142,26 +110,26 @@ fn full(robot: Option<&str>, own: &str) -> String {
 }
 
 fn pose(given: &Member) -> Isometry3<f64> {
-    let [roll, pitch, yaw] = given.rpy.unwrap_or_default();
-    let position = Translation3::from(Vector3::from(given.position.unwrap_or_default()));
+    let [roll, pitch, yaw] = given.place.rpy.unwrap_or_default();
+    let position = Translation3::from(Vector3::from(given.place.position.unwrap_or_default()));
     Isometry3::from_parts(position, UnitQuaternion::from_euler_angles(roll, pitch, yaw))
 }
 
 /// Configuration of a robot at the start.
 fn start(chain: &Chain, given: &Member) -> Result<Vec<f64>, String> {
-    let numbers = [given.position, given.rpy].into_iter().flatten().flatten();
+    let numbers = [given.place.position, given.place.rpy].into_iter().flatten().flatten();
     if let Some(x) = numbers.into_iter().find(|x| !x.is_finite()) {
         return Err(format!("position and rpy have the number {x}: every number must be finite"));
     }
-    let placed = given.position.is_some() || given.rpy.is_some();
-    let base = if given.floating && !given.name.is_empty() {
+    let placed = given.place.position.is_some() || given.place.rpy.is_some();
+    let base = if given.start.floating && !given.place.name.is_empty() {
         let pose = pose(given);
         [pose.translation.vector.as_slice(), pose.rotation.coords.as_slice()].concat()
     } else {
         Vec::new()
     };
     let lengths = [chain.nq(), chain.nq() - base.len()];
-    let q = given.q.clone().map(|q| straight(q, &given.beam, &lengths));
+    let q = given.start.q.clone().map(|q| straight(q, &given.start.beam, &lengths));
     match &q {
         None => Ok(chain.zero_configuration().iter().enumerate().map(|(k, x)| *base.get(k).unwrap_or(x)).collect()),
         Some(q) if !base.is_empty() && q.len() + base.len() == chain.nq() => Ok([base.as_slice(), q].concat()),
@@ -170,7 +138,7 @@ fn start(chain: &Chain, given: &Member) -> Result<Vec<f64>, String> {
              give one of them",
             q.len()
         )),
-        Some(q) if !given.floating && q.len() == chain.nq() + 7 => {
+        Some(q) if !given.start.floating && q.len() == chain.nq() + 7 => {
             let wrong = chain.check_state(q, &vec![0.0; chain.nv()]);
             let wrong = wrong.err().map_or_else(String::new, |e| e.to_string());
             Err(format!("{wrong}; a floating base, which has seven of them, needs floating = true"))
@@ -195,8 +163,8 @@ impl Loaded {
         let (mut all, mut from) = (Vec::with_capacity(self.chain.nv()), 0);
         for robot in &self.robots {
             let nv = robot.chain.nv();
-            let own = match (&robot.given.qd, &robot.given.tip_velocity) {
-                (Some(qd), None) => straight(qd.clone(), &robot.given.beam, &[nv]),
+            let own = match (&robot.given.start.qd, &robot.given.start.tip_velocity) {
+                (Some(qd), None) => straight(qd.clone(), &robot.given.start.beam, &[nv]),
                 (None, None) => vec![0.0; nv],
                 (Some(_), Some(_)) => {
                     return Err(refuse(format!("{} has both qd and tip_velocity: give one of them", robot.table)));
@@ -206,7 +174,7 @@ impl Loaded {
                     return Err(refuse(format!("{} {why}", robot.table)));
                 }
                 (None, Some(tip)) => {
-                    let link = robot.full(&robot.given.tip);
+                    let link = robot.full(&robot.given.load.tip);
                     let found = tip_velocity((&self.chain, &self.q), &link, tip, surfaces.first());
                     found.map_err(|why| refuse(format!("{} {why}", robot.table)))?[from..from + nv].to_vec()
                 }
@@ -227,10 +195,10 @@ impl Loaded {
         qd: &[f64],
     ) -> Result<(Drive, Option<Drive>), String> {
         let world = World { chain: &self.chain, q: &self.q, qd };
-        let own: Vec<Control> = self.robots.iter().map(|robot| robot.given.control()).collect();
-        if own.iter().all(|it| *it == Control::default()) {
+        let own: Vec<&Control> = self.robots.iter().map(|robot| &robot.given.control).collect();
+        if own.iter().all(|it| **it == Control::default()) {
             // One controller for everything.
-            let tip = self.robots.first().filter(|it| it.name.is_none()).map(|it| it.given.tip.as_str());
+            let tip = self.robots.first().filter(|it| it.name.is_none()).map(|it| it.given.load.tip.as_str());
             let (q, chain) = (&self.q, &self.chain);
             return Drives { folder, table: "[run]", control: run, chain, q, tip, tip_in_world: tip, surfaces, world }
                 .both();
@@ -241,8 +209,8 @@ impl Loaded {
         let mut drives = Vec::new();
         for (robot, control) in self.robots.iter().zip(&own) {
             let One { table, chain, q, given, .. } = robot;
-            let full = robot.full(&given.tip);
-            let (tip, tip_in_world) = (Some(given.tip.as_str()), Some(full.as_str()));
+            let full = robot.full(&given.load.tip);
+            let (tip, tip_in_world) = (Some(given.load.tip.as_str()), Some(full.as_str()));
             let both = Drives { folder, table, control, chain, q, tip, tip_in_world, surfaces, world }.both()?;
             for drive in std::iter::once(&both.0).chain(&both.1) {
                 drive.check(chain).map_err(|e| format!("{table} {e}"))?;
@@ -266,10 +234,10 @@ impl Loaded {
     pub fn tip(&self) -> Result<Option<String>, String> {
         let mut first = None;
         for robot in &self.robots {
-            let name = &robot.given.tip;
+            let name = &robot.given.load.tip;
             match robot.chain.frame(name) {
                 Ok(_) => first = first.or(Some(robot.full(name))),
-                Err(_) if *name == tip() => {}
+                Err(_) if *name == TIP => {}
                 Err(unknown) => return Err(format!("{} tip = \"{name}\": {unknown}", robot.table)),
             }
         }

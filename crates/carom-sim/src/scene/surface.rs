@@ -52,7 +52,7 @@ pub(crate) fn surface(
         }
     };
     let obstacle = obstacle.map_err(|e| format!("[[surface]] '{name}': {e}"))?;
-    let contact = overridden(rule, &surface.contact).map_err(|why| format!("[[surface]] '{name}': contact {why}"))?;
+    let contact = overridden(rule, &surface.contact.0).map_err(|why| format!("[[surface]] '{name}': contact {why}"))?;
     contact.check(&format!("[[surface]] '{name}'")).map_err(|e| e.to_string())?;
     let refuse = |why: String| format!("[[surface]] '{name}': {why}");
     let motion = match (&surface.motion, &surface.belt) {

@@ -8,6 +8,7 @@ mod moment;
 mod profile;
 mod reach;
 mod space;
+pub(crate) mod written;
 
 pub(crate) use accuracy::{CLEAR, EQUAL, EXACT, ROUNDING};
 pub(crate) use basis::{Basis, Spread};

@@ -7,8 +7,11 @@
 //! | ρ(r) | r², or 2 δ r − δ² beyond δ (P. J. Huber, Ann. Math. Statist. 35 (1964) 73) | `cost` |
 //! | w(r) | ρ'(r)/(2 r): 1, or δ/r beyond δ | `weight` |
 
+use serde::Serialize;
+
 /// Loss as a function of the norm of a measurement's residual.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Loss {
     /// Least squares: efficient for Gaussian noise, not robust against outliers.
     Squares,

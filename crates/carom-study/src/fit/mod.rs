@@ -40,6 +40,7 @@ pub use trajectories::fit_trajectories;
 pub use velocities::fit_velocities;
 
 use carom_impact::LAW_NAMES;
+use serde::Serialize;
 
 #[doc(hidden)] // for carom-evidence
 pub use loss::median;
@@ -82,7 +83,8 @@ impl Default for FitOptions<'_> {
 }
 
 /// The kind of recording that was fitted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum FittedTo {
     /// Velocity jumps.
     Velocities,
@@ -126,7 +128,7 @@ pub struct Fit {
 }
 
 /// A fitted coefficient.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Coefficient {
     /// `restitution`, `friction` or `inertia scale`.
     pub name: &'static str,
@@ -141,7 +143,8 @@ pub struct Coefficient {
 }
 
 /// Method of a confidence interval.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Interval {
     /// Profile likelihood with a leverage-corrected sandwich covariance: the values at which the loss, minimised over the
     /// other coefficients, exceeds its minimum by no more than this covariance allows.
@@ -165,7 +168,7 @@ impl Interval {
 }
 
 /// Error of one measurement.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Misfit {
     /// Velocities: index of the impact, from 0. Trajectories: number of the toss.
     pub number: i64,
@@ -174,17 +177,21 @@ pub struct Misfit {
     /// Velocities: norm of the residual, m/s. Trajectories: `whole` or `early`, whichever was fitted.
     pub error: f64,
     /// Trajectories: [`RollOut::pose_error`](crate::RollOut::pose_error).
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub whole: Option<f64>,
     /// Trajectories: [`RollOut::early_error`](crate::RollOut::early_error), if the toss has an impact.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub early: Option<f64>,
-    /// Velocities: lower bound of the residual over all impulses with p_n ≥ 0, m/s.
-    pub least: Option<f64>,
     /// Velocities: lower bound of the residual over all impulses in the cone of the fitted friction, m/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub least_in_cone: Option<f64>,
+    /// Velocities: lower bound of the residual over all impulses with p_n ≥ 0, m/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub least: Option<f64>,
 }
 
 /// Statistics of the errors of several measurements.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Score {
     /// Number of measurements.
     pub count: usize,
@@ -193,15 +200,26 @@ pub struct Score {
     /// Median of [`Misfit::error`].
     pub median: f64,
     /// Trajectories: share of [`Misfit::whole`] below 0.5.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub below_half: Option<f64>,
-    /// Trajectories: mean and median of [`Misfit::whole`].
-    pub whole: Option<(f64, f64)>,
-    /// Trajectories: mean and median of [`Misfit::early`] over the tosses that have it.
-    pub early: Option<(f64, f64)>,
-    /// Velocities: mean of [`Misfit::least`], m/s.
-    pub least: Option<f64>,
+    /// Trajectories: mean of [`Misfit::whole`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub whole_mean: Option<f64>,
+    /// Trajectories: median of [`Misfit::whole`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub whole_median: Option<f64>,
+    /// Trajectories: mean of [`Misfit::early`] over the tosses that have it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub early_mean: Option<f64>,
+    /// Trajectories: median of [`Misfit::early`] over the tosses that have it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub early_median: Option<f64>,
     /// Velocities: mean of [`Misfit::least_in_cone`], m/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub least_in_cone: Option<f64>,
+    /// Velocities: mean of [`Misfit::least`], m/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub least: Option<f64>,
 }
 
 impl Score {
@@ -217,16 +235,19 @@ impl Score {
         let both = |part: fn(&Misfit) -> Option<f64>| {
             let values: Vec<f64> = all.iter().filter_map(|one| part(one)).collect();
             let mean = values.iter().sum::<f64>() / values.len() as f64;
-            (!values.is_empty()).then(|| (mean, median(values)))
+            (!values.is_empty()).then(|| (mean, median(values))).unzip()
         };
+        let ((whole_mean, whole_median), (early_mean, early_median)) = (both(|one| one.whole), both(|one| one.early));
         let below = all.iter().filter(|one| one.whole.is_some_and(|error| error < 0.5)).count() as f64 / count as f64;
         (count > 0).then(|| Self {
             count,
             mean: mean(errors.clone()),
             median: median(errors),
             below_half: (to == FittedTo::Trajectories).then_some(below),
-            whole: both(|one| one.whole),
-            early: both(|one| one.early),
+            whole_mean,
+            whole_median,
+            early_mean,
+            early_median,
             least: mean_of(|one| one.least),
             least_in_cone: mean_of(|one| one.least_in_cone),
         })

@@ -1,15 +1,16 @@
-//! Deserialisation of a study file; `mod.rs` documents the keys.
+//! Deserialisation of a study file; the book documents the keys (`book/src/reference-study.md`).
 
+use carom_sim::key_group;
+use carom_sim::keys::{Loading, Table};
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::collections::BTreeMap;
 use std::fmt;
-use std::path::PathBuf;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct File {
-    pub robot: Robot,
+    pub robot: Table<(Loading, Robot)>,
     pub joints: Option<BTreeMap<String, Values>>,
     pub tip: Option<Tip>,
     pub impact: Impact,
@@ -17,24 +18,12 @@ pub(super) struct File {
     pub advise: Option<Advise>,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Robot {
-    pub urdf: PathBuf,
-    #[serde(default = "tip")]
-    pub tip: String,
-    #[serde(default)]
-    pub point: [f64; 3],
-    #[serde(default = "yes")]
-    pub limits: bool,
-    #[serde(default)]
-    pub strict: bool,
-    #[serde(default)]
-    pub repair: bool,
-    #[serde(default)]
-    pub package_dirs: Vec<PathBuf>,
-    #[serde(default)]
-    pub rotor_inertia: BTreeMap<String, f64>,
+key_group! {
+    /// The keys of `[robot]` that scenes do not have.
+    pub(super) struct Robot needs [] {
+        point: [f64; 3],
+        limits: bool = true,
+    }
 }
 
 #[derive(Deserialize)]
@@ -113,13 +102,6 @@ pub(super) enum Values {
     Range { from: f64, to: f64, count: u64, degrees: bool },
 }
 
-/// Default of `[robot] tip`, the same as in a scene file.
-fn tip() -> String {
-    "tip".into()
-}
-fn yes() -> bool {
-    true
-}
 fn zero() -> Values {
     Values::One(0.0)
 }

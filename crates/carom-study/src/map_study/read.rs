@@ -14,11 +14,12 @@ use carom_chain::algebra::Algebra;
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
 use carom_chain::{Chain, Coordinates, FrameId, JointInfo, Point, input};
 use carom_impact::{AnyLaw, Coefficients, LAW_NAMES, LawInfo};
+use carom_sim::keys::Table;
 use nalgebra::{SMatrix, SVector, Vector3};
 use std::path::Path;
 
 impl Study {
-    /// Reads a study file and the robot that it names. [`crate::map_study`] documents the keys.
+    /// Reads a study file and the robot that it names. The book documents the keys: `book/src/reference-study.md`.
     ///
     /// # Errors
     /// [`StudyError::File`] with key, value and rule; [`StudyError::Robot`] for an invalid URDF.
@@ -43,18 +44,8 @@ impl Study {
     fn read(text: String, name: String, folder: &Path) -> Result<Self, StudyError> {
         let refuse = |rule: String| StudyError::File { file: name.clone(), rule };
         let file: File = carom_sim::from_toml(&text).map_err(refuse)?;
-        if file.robot.urdf.as_os_str().is_empty() {
-            return Err(refuse("[robot] urdf is empty: give the path of the file".into()));
-        }
-        let urdf = folder.join(&file.robot.urdf);
-        let options = LoadOptions {
-            meshes: Meshes::Ignored, // collision shapes are not used
-            strict: file.robot.strict,
-            repair: file.robot.repair,
-            package_dirs: file.robot.package_dirs.iter().map(|dir| folder.join(dir)).collect(),
-            rotor_inertia: file.robot.rotor_inertia.clone(),
-            ..LoadOptions::default()
-        };
+        let (urdf, options) = file.robot.0.0.options(folder).map_err(|why| refuse(format!("[robot] {why}")))?;
+        let options = LoadOptions { meshes: Meshes::Ignored, ..options }; // collision shapes are not used
         let chain = Chain::from_urdf_file_with(&urdf, &options).map_err(StudyError::Robot)?;
         chain.check_dynamics().map_err(|e| refuse(format!("[robot] urdf: {e}")))?;
         let files = vec![urdf.clone()];
@@ -94,9 +85,15 @@ fn turn<const D: usize>(of: impl Fn(Vector3<f64>) -> SVector<f64, D>) -> SMatrix
 type Whole = (Box<dyn Engine>, Vec<Column>, Vec<String>);
 
 impl Reading<'_> {
+    /// Whether the position limits of the joints hold.
+    fn has_limits(&self) -> bool {
+        let Table((_, robot)) = &self.file.robot;
+        robot.limits
+    }
+
     fn all(&self) -> Result<Whole, String> {
-        let (robot, chain) = (&self.file.robot, self.chain);
-        let frame = chain.frame(&robot.tip).map_err(|e| format!("[robot] tip = \"{}\": {e}", robot.tip))?;
+        let (Table((load, robot)), chain) = (&self.file.robot, self.chain);
+        let frame = chain.frame(&load.tip).map_err(|e| format!("[robot] tip = \"{}\": {e}", load.tip))?;
         if let Some(x) = robot.point.iter().find(|x| !x.is_finite()) {
             return Err(format!("[robot] point holds {x}: every number must be finite"));
         }
@@ -105,7 +102,7 @@ impl Reading<'_> {
         if point.body.is_none() {
             return Err(format!(
                 "[robot] tip = \"{}\": this link is fixed to the world; choose a link that a joint moves",
-                robot.tip
+                load.tip
             ));
         }
         if let Some(joint) = own(chain).find(|joint| matches!(joint.kind, JointType::Planar | JointType::Floating)) {
@@ -221,7 +218,7 @@ impl Reading<'_> {
         }
         columns.push(Column::word("class", CLASSES));
         columns.extend(quantities.iter().flat_map(|quantity| quantity.columns(D, &joints, &limited)));
-        let ranges = if self.file.robot.limits { ranges(self.chain) } else { Vec::new() };
+        let ranges = if self.has_limits() { ranges(self.chain) } else { Vec::new() };
         let tangential_restitution = impact.tangential_restitution.is_some();
         let engine: Box<dyn Engine> = Box::new(Arm {
             chain,
@@ -263,7 +260,7 @@ impl Reading<'_> {
                 let unit = if joint.kind == JointType::Prismatic { "m" } else { "rad" };
                 let axis = Axis::new(format!("q.{name}"), unit, values).map_err(|why| format!("[joints] {name}: {why}"))?;
                 let (lower, upper) = limits_of(joint);
-                if let Some(at) = axis.outside(lower, upper).filter(|_| self.file.robot.limits) {
+                if let Some(at) = axis.outside(lower, upper).filter(|_| self.has_limits()) {
                     warnings.push(format!(
                         "[joints] {name} = {at} {unit} is beyond the joint's limits, {lower} to {upper}: such rows have no \
                          numbers; set [robot] limits = false to compute them"
@@ -305,7 +302,7 @@ impl Reading<'_> {
         }
         let (mut limits, mut hinges) = (Vec::new(), Vec::new());
         for joint in own(self.chain) {
-            limits.push(if self.file.robot.limits { limits_of(joint) } else { (f64::NEG_INFINITY, f64::INFINITY) });
+            limits.push(if self.has_limits() { limits_of(joint) } else { (f64::NEG_INFINITY, f64::INFINITY) });
             hinges.push(joint.kind != JointType::Prismatic);
         }
         let about = About { basis, origin: *origin, limits, hinges };

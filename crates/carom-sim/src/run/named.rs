@@ -1,0 +1,105 @@
+//! Events and contacts with the names of their contacts, as they are written.
+
+use super::trajectory::{Event, EventKind};
+use crate::contact::Touch;
+use crate::impact::ChainImpact;
+use crate::motion::ContactState;
+use crate::state::ContactImpulse;
+use serde::Serialize;
+
+/// What happens at a contact, with the contact's name.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct AtContact<'a, T> {
+    /// Name of the contact.
+    pub contact: &'a str,
+    /// What happens there.
+    #[serde(flatten)]
+    pub what: &'a T,
+}
+
+/// An impact with the name of its law.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct UnderLaw<'a> {
+    /// Name of the contact's law.
+    pub law: &'static str,
+    /// The impact.
+    #[serde(flatten)]
+    pub hit: &'a ChainImpact,
+}
+
+/// An event with the names of its contacts.
+#[derive(Debug, Clone, Serialize)]
+pub struct NamedEvent<'a> {
+    /// Time, s.
+    pub time: f64,
+    /// Name of the kind: [`EventKind::name`].
+    pub kind: &'static str,
+    /// The contact or the joint; `None` if the event belongs to none or to several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contact: Option<&'a str>,
+    /// The contacts of an event of several.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub contacts: Vec<&'a str>,
+    /// Configuration, length nq.
+    pub q: &'a [f64],
+    /// Joint velocities before the event, length nv; rad/s, m/s.
+    pub qd_minus: &'a [f64],
+    /// Joint velocities after the event, length nv; rad/s, m/s.
+    pub qd_plus: &'a [f64],
+    /// Why time steps begin, or why the motion is not unique.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reason: Option<&'static str>,
+    /// Flags of an impact at several contacts.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub flags: Vec<&'static str>,
+    /// The impact at a single contact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub impact: Option<UnderLaw<'a>>,
+    /// The contact impulses.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub impulses: Vec<AtContact<'a, ContactImpulse>>,
+}
+
+impl Event {
+    /// The event with the names of these contacts, those of its [`Simulation::touches`](crate::Simulation::touches).
+    pub fn named<'a>(&'a self, touches: &'a [Touch]) -> NamedEvent<'a> {
+        let name = |touch: &usize| touches[*touch].name.as_str();
+        let several = match &self.kind {
+            EventKind::Several { touches, .. } | EventKind::NonUnique { touches, .. } => touches.as_slice(),
+            _ => &[],
+        };
+        NamedEvent {
+            time: self.time,
+            kind: self.kind.name(),
+            contact: match &self.kind {
+                EventKind::Limit { joint, .. } | EventKind::Joint { joint, .. } => Some(joint),
+                other => other.touch().as_ref().map(name),
+            },
+            contacts: several.iter().map(name).collect(),
+            q: &self.q,
+            qd_minus: &self.qd_minus,
+            qd_plus: &self.qd_plus,
+            reason: match &self.kind {
+                EventKind::NonUnique { reason, .. } => Some(reason.name()),
+                EventKind::Steps { reason } => Some(reason.name()),
+                _ => None,
+            },
+            flags: match &self.kind {
+                EventKind::Several { flags, .. } => flags.names().collect(),
+                _ => Vec::new(),
+            },
+            impact: match &self.kind {
+                EventKind::Impact { touch, hit } => Some(UnderLaw { law: touches[*touch].contact.law.name(), hit }),
+                _ => None,
+            },
+            impulses: self.impulses.iter().map(|what| AtContact { contact: name(&what.touch), what }).collect(),
+        }
+    }
+}
+
+impl ContactState {
+    /// The lasting contact with its name, of those of its [`Simulation::touches`](crate::Simulation::touches).
+    pub fn named<'a>(&'a self, touches: &'a [Touch]) -> AtContact<'a, Self> {
+        AtContact { contact: &touches[self.touch].name, what: self }
+    }
+}
