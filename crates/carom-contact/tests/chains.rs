@@ -1,9 +1,9 @@
 //! Gaps of robots: gap rates, reachable pairs, meshes from files.
 
-use crate::common::robot;
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, uniform_chain};
 use carom_contact::{ContactError, LeftOut, Obstacle, gap, gap_rate, link_shapes, out_of_reach};
+use carom_testing::files::robot;
 use nalgebra::{Isometry3, Vector3};
 
 fn surroundings() -> [Obstacle; 3] {

@@ -1,7 +1,7 @@
 //! Random bodies and poses; the tests fix the seeds.
 
 use carom_chain::urdf::{Collision, Shape};
-use carom_chain::{Chain, FrameId, Spatial, algebra::Pose};
+use carom_chain::{FrameId, Spatial, algebra::Pose};
 use carom_contact::{LinkShape, Mesh, Obstacle};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -86,8 +86,4 @@ pub fn box_mesh(size: Vector3<f64>) -> Mesh {
 
 pub fn half_space(point: Vector3<f64>, normal: Vector3<f64>) -> Obstacle {
     Obstacle::half_space(point, normal).unwrap()
-}
-
-pub fn robot(name: &str) -> Chain {
-    Chain::from_urdf_file(format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap()
 }

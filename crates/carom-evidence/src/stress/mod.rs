@@ -22,7 +22,6 @@ mod tree;
 use crate::serialised_by_name;
 use carom_impact::{Coefficients, LAW_NAMES, Law, law_by_name};
 use rayon::prelude::*;
-use scenes::SCENES;
 use serde::Serialize;
 
 /// The methods, in the order of the table's columns: the laws of one contact, those of several, and the simulators.
@@ -297,13 +296,13 @@ pub struct Table {
 
 /// The names of all scenes.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    SCENES.iter().map(|scene| scene.name)
+    scenes::SCENES.iter().map(|scene| scene.name)
 }
 
 impl Table {
     /// Runs the scenes with these names on all cores; `done` is called with the name of each scene that is finished.
     pub fn of(names: &[&str], done: &(dyn Fn(&str) + Sync)) -> Self {
-        let scenes: Vec<&Scene> = SCENES.iter().filter(|scene| names.contains(&scene.name)).collect();
+        let scenes: Vec<&Scene> = scenes::SCENES.iter().filter(|scene| names.contains(&scene.name)).collect();
         let row = |scene: &&Scene| {
             let row = scene.run();
             done(row.scene);

@@ -25,7 +25,7 @@ use super::assembled::{Assembled, ConstraintForces, Force};
 use super::equations::Equations;
 use super::lasting::{Dry, Hold, Lasting};
 use super::rows::push;
-use super::select::SLOWEST;
+use super::scale::SLOWEST;
 use super::smooth::Motion;
 use crate::contact::{At, Memory};
 use crate::error::SimError;

@@ -19,8 +19,8 @@ use super::equations::Equations;
 use super::held::Detail;
 use super::lasting::{Dry, Hold, Lasting};
 use super::rows::{direction_of_slip, push};
+use super::scale::{SLOWEST, Scale};
 use super::smooth::Motion;
-use super::zero::Scale;
 use crate::contact::UNSOLVED;
 use crate::error::SimError;
 use crate::state::{Basis, CLEAR, EQUAL, EXACT, Space};
@@ -32,9 +32,6 @@ use std::ops::Range;
 /// Accuracy of the complementarity problem, relative to the largest acceleration without forces. Problems that are solved at all take
 /// less than a hundred iterations from the first start, which gets a seventh of these; others often have no solution.
 pub(super) const ACCURACY: Accuracy = Accuracy { tolerance: EXACT, max_iterations: 1000 };
-/// The slowest motion whose own time decides how far ahead of a state ties are decided, over the pace of the scene.
-pub(super) const SLOWEST: f64 = 1e-3;
-
 /// A closed contact before its mode is decided.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Candidate {

@@ -7,7 +7,7 @@
 use super::assembled::{Assembled, ConstraintForces};
 use super::groups::{Gaps, Near};
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
-use super::zero::Scale;
+use super::scale::Scale;
 use crate::contact::{ContactMode, Moving, Touch};
 use crate::error::SimError;
 use crate::model::{Asked, Drive, Motor, Simulation, SpringAt, motors};

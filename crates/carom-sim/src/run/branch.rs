@@ -1,9 +1,9 @@
 //! The passage of a mechanism with loops through a pose at which it could branch: see `leap.rs`.
 
-use super::events::Run;
 use super::guarded::Guarded;
 use super::leap::{LEAST, Leap, NODES, PAST};
 use super::leg::{Accuracy, pass};
+use super::run_state::Run;
 use super::trajectory::Segment;
 use crate::error::SimError;
 use crate::motion::Lasting;

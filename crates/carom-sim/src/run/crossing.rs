@@ -1,9 +1,10 @@
 //! The event at the end of a leg as a map E from time and state before it to time and state after it, which `sensitivity.rs`
 //! differentiates.
 
-use super::events::{Ending, Run};
+use super::guard::Ending;
 use super::guard::{Guard, GuardValue, Is, look};
 use super::memory::Memory;
+use super::run_state::Run;
 use crate::error::SimError;
 use crate::motion::Kept;
 use crate::state::Space;

@@ -13,48 +13,18 @@
 //! **No consistent mode**: a contact that slides has an impact without collision (Painlevé); what has no solution at all is
 //! computed by time steps (`several.rs`), until a mode is consistent again.
 
+use super::guard::Ending;
 use super::guard::Guard;
 use super::guarded::Guarded;
-use super::leap::Leap;
 use super::leg::{Accuracy, LegEnd, PATIENCE, leg};
-use super::memory::Memory;
-use super::sampler::Sampler;
-use super::trajectory::{Event, EventKind, Sampling, Seen, Statistics, StepReason, Summary};
+use super::run_state::Run;
+use super::trajectory::{Event, EventKind, Sampling, Seen, StepReason, Summary};
 use crate::contact::Touch;
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
-use crate::motion::{ContactState, Lasting, Motion, Near, NonUnique};
+use crate::motion::{Lasting, Near, NonUnique};
 use crate::state::{ContactImpulse, EQUAL, ROUNDING, Space};
 use carom_chain::urdf::JointType;
-
-/// The state of a run.
-pub(crate) struct Run<'a, 'w, A: Space> {
-    pub motion: Motion<'a, A>,
-    pub time: f64,
-    pub y: Vec<f64>,
-    pub end: f64,
-    pub sampler: Sampler<'w>,
-    pub statistics: Statistics,
-    pub lost: f64,
-    /// The contacts of the last time step.
-    pub stepped: Vec<ContactState>,
-    pub memory: Memory,
-    /// A leap over a pose at which the mechanism could branch, if the run stands within it.
-    pub leap: Option<Leap>,
-}
-
-/// How a leg ended.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Ending {
-    /// At the end of the run, or at a jump of forces that changes no mode.
-    Passed,
-    /// A guard fired.
-    Fired(Guard),
-    /// At a jump or a kink of forces or surfaces, with contacts.
-    Kink,
-    /// The mode cannot be continued.
-    Stuck(StepReason),
-}
 
 impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     pub fn go(

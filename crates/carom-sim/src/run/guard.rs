@@ -2,9 +2,9 @@
 //! modes have it ([`Guard::of_mode`]), what else it is ([`Guard::is`]), its value ([`Guard::at`]), and what follows its zero
 //! ([`Run::guard_fired`]).
 
-use super::events::Run;
 use super::leap::LEAST;
 use super::memory::Class;
+use super::run_state::Run;
 use super::trajectory::{EventKind, StepReason};
 use crate::contact::{Passing, Placed};
 use crate::error::SimError;
@@ -49,6 +49,19 @@ pub(crate) enum Guard {
     Admissible,
     /// The loops come near a pose at which the mechanism could branch.
     Branches,
+}
+
+/// How a leg ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Ending {
+    /// At the end of the run, or at a jump of forces that changes no mode.
+    Passed,
+    /// A guard fired.
+    Fired(Guard),
+    /// At a jump or a kink of forces or surfaces, with contacts.
+    Kink,
+    /// The mode cannot be continued.
+    Stuck(StepReason),
 }
 
 /// What a guard is beside its value.

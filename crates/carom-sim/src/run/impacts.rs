@@ -13,8 +13,8 @@
 //!   [`LOWEST`]. For a pendulum that hits a wall at its lowest point a = 0: its impacts never accumulate, and all are computed.
 //! - u⁺ = 0: it lasts if the accelerations press it.
 
-use super::events::Run;
 use super::memory::Class;
+use super::run_state::Run;
 use super::trajectory::{EventKind, StepReason};
 use crate::contact::{Compliance, SeveralLaw, friction_bound};
 use crate::error::SimError;
@@ -32,7 +32,7 @@ const SHORT: f64 = 1e-7;
 /// positions are in error by them.
 const LOWEST: f64 = 30.0;
 /// Longest time for which lower ones are passed, as a share of that of the scene: the error of this step is of third order.
-const LONGEST: f64 = 1e-4;
+const LONGEST: f64 = 3e-4;
 /// Impacts count as slow up to the speed of a fall of this number of Zeno times.
 const SLOW: f64 = 10.0;
 

@@ -14,6 +14,7 @@ mod memory;
 mod modes;
 mod named;
 mod observer;
+mod run_state;
 mod sampler;
 mod sensitivity;
 mod session;

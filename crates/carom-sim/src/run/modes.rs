@@ -1,7 +1,7 @@
 //! The modes of the contacts in a run: their choice, the events of their changes, slips that end as soon as their mode is chosen
 //! (`motion/ending.rs`), rest, and motions that are not unique.
 
-use super::events::Run;
+use super::run_state::Run;
 use super::trajectory::{EventKind, StepReason};
 use crate::error::SimError;
 use crate::motion::{Candidate, Dry, DryJoint, Hold, Lasting};

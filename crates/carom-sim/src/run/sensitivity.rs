@@ -24,8 +24,9 @@
 //! with its own second differences, and the modes after the event must be the same.
 
 use super::crossing::{After, Before, WIDE, normal, outcome, rate, value};
-use super::events::{Ending, Run};
+use super::guard::Ending;
 use super::guard::Is;
+use super::run_state::Run;
 use super::sampler::Step;
 use super::trajectory::{Sampling, Seen};
 use super::variation::{Gauss, left_inverse, over_step};

@@ -1,6 +1,6 @@
 //! A simulation as an object that a control loop drives.
 
-use super::events::Run;
+use super::run_state::Run;
 use super::stand::Stand;
 use super::trajectory::{EnergyBooks, Event, Sampling, Seen, StopReason, Summary};
 use crate::contact::ContactMode;

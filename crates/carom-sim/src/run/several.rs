@@ -8,9 +8,9 @@
 //!
 //! The law of several contacts is applied in [`Run::solve`] only.
 
-use super::events::Run;
 use super::impacts::Struck;
 use super::memory::Class;
+use super::run_state::Run;
 use super::trajectory::EventKind;
 use crate::contact::{SeveralLaw, Solved, UNSOLVED};
 use crate::error::SimError;

@@ -1,8 +1,8 @@
 //! Beginning, pausing and continuing a run.
 
-use super::events::Run;
 use super::leap::Leap;
 use super::memory::Memory;
+use super::run_state::Run;
 use super::sampler::Sampler;
 use super::trajectory::{EnergyBooks, Sampling, Seen, Statistics, StopReason, Summary};
 use crate::error::SimError;

@@ -26,8 +26,8 @@
 //! none, or if the events that follow end soon at the next inconsistency, the next stretch of steps is twice as long. So the number of
 //! stretches in a time is bounded, and most of it is covered by events where that is possible.
 
-use super::events::Run;
 use super::memory::Memory;
+use super::run_state::Run;
 use super::trajectory::{EventKind, GAIN, StepReason};
 use crate::contact::{ContactMode, SeveralLaw, Touch};
 use crate::error::SimError;

@@ -1,6 +1,6 @@
 //! The two ways to run a simulation: all results at once, or passed on as they arise.
 
-use super::events::Run;
+use super::run_state::Run;
 use super::trajectory::{Sampling, Seen, Summary, Trajectory};
 use crate::error::SimError;
 use crate::model::Simulation;

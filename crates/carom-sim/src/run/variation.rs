@@ -12,7 +12,7 @@
 //! Gauss's method of order 8 (Hairer, Nørsett & Wanner 1993, section II.7), which needs A at four times of the step only: the
 //! equations are linear, so its stages are the solution of one linear system.
 
-use super::events::Run;
+use super::run_state::Run;
 use super::sampler::Step;
 use crate::error::SimError;
 use crate::motion::{Hold, Lasting};

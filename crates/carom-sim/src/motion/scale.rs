@@ -1,0 +1,122 @@
+//! The units of a scene: see `zero.rs`.
+
+use crate::contact::Touch;
+use crate::model::Simulation;
+use crate::state::{EQUAL, ROUNDING, beyond, reach};
+use carom_chain::Coordinates;
+use carom_chain::urdf::JointType;
+use std::collections::BTreeMap;
+
+/// The units of a scene: see the head of this module.
+#[derive(Debug, Clone)]
+pub(crate) struct Scale {
+    /// Reach of the chain, m.
+    pub reach: f64,
+    /// L.
+    pub length: f64,
+    /// 1/T.
+    pub pace: f64,
+    /// For each velocity coordinate what makes it a velocity: L for angles, else 1.
+    levers: Vec<f64>,
+    /// The coordinates of q that are lengths.
+    lengths: Vec<usize>,
+    /// For each touch what makes lengths such as its gap: 1/L for limits of hinges, else 1.
+    pub per_touch: Vec<f64>,
+    /// L, or the distance of a base from the origin if it is larger; and the largest length among the coordinates, too.
+    placed: f64,
+    pub extent: f64,
+}
+
+impl Scale {
+    pub fn new(sim: &Simulation) -> Self {
+        let reach = reach(&sim.chain);
+        let mut extents = BTreeMap::<&str, f64>::new();
+        for (link, extent) in sim.touches.iter().flat_map(Touch::extents) {
+            extents.entry(link).and_modify(|most| *most = most.max(extent)).or_insert(extent);
+        }
+        let extent = |link: &str| extents.get(link).copied().unwrap_or_default();
+        let size = beyond(&sim.chain, extent).into_iter().fold(0.0, f64::max);
+        let length = if size > 0.0 && size.is_finite() { size } else { 1.0 };
+        let bases = sim.chain.bodies().iter().filter(|body| body.parent.is_none());
+        let placed = bases.map(|body| body.placement.translation.norm()).fold(length, f64::max);
+        let gravity = sim.gravity.norm();
+        let pace = if gravity > 0.0 { (gravity / length).sqrt() } else { 1e-3 / sim.contact_step };
+        let mut levers = vec![length; sim.chain.nv()];
+        let mut lengths = Vec::new();
+        for joint in sim.chain.joints() {
+            let Coordinates::Own { q, v } = &joint.coordinates else { continue };
+            let count = match joint.kind {
+                JointType::Prismatic => 1,
+                JointType::Planar => 2,
+                JointType::Floating => 3,
+                _ => 0,
+            };
+            levers[v.start..v.start + count].fill(1.0);
+            lengths.extend(q.start..q.start + count);
+        }
+        let per_touch = sim.touches.iter().map(|touch| touch.stops().map_or(1.0, |(v, _)| levers[v].recip())).collect();
+        Self { reach, length, pace, levers, lengths, per_touch, placed, extent: placed }
+    }
+
+    /// Takes the lengths of a configuration into account.
+    pub fn measure(&mut self, q: &[f64]) {
+        self.extent = self.lengths.iter().fold(self.placed, |most, &k| most.max(q[k].abs()));
+    }
+
+    /// The largest of these joint velocities, angles times L, m/s.
+    pub fn fastest<'v>(&self, qd: impl IntoIterator<Item = &'v f64>) -> f64 {
+        self.levers.iter().zip(qd).fold(0.0, |most, (lever, v)| most.max(lever * v.abs()))
+    }
+
+    /// Gaps up to this count as closed when another contact closes.
+    pub fn touching(&self, touch: usize) -> f64 {
+        EQUAL * self.extent * self.per_touch[touch]
+    }
+
+    /// The rounding of the gap of bodies, m.
+    pub fn rounding(&self) -> f64 {
+        ROUNDING * self.extent
+    }
+
+    /// The rounding of a gap.
+    pub fn hysteresis(&self, touch: usize) -> f64 {
+        self.rounding() * self.per_touch[touch]
+    }
+
+    /// A velocity in the unit of a velocity coordinate: rad/s or m/s.
+    pub fn joint(&self, v: usize, speed: f64) -> f64 {
+        speed / self.levers[v]
+    }
+
+    /// Whether what is left of a time until another one is shorter than any step.
+    pub fn is_reached(&self, until: f64, time: f64) -> bool {
+        until - time <= 10.0 * ROUNDING * (1.0 / self.pace + until)
+    }
+
+    /// The acceleration L/T², m/s².
+    pub fn acceleration(&self) -> f64 {
+        self.length * self.pace * self.pace
+    }
+
+    /// The greatest difference of two configurations, rad, or of lengths as a share of L.
+    pub fn apart(&self, q: &[f64], other: &[f64]) -> f64 {
+        let unit = |k: usize| if self.lengths.contains(&k) { self.length } else { 1.0 };
+        q.iter().zip(other).enumerate().map(|(k, (one, two))| (one - two).abs() / unit(k)).fold(0.0, f64::max)
+    }
+
+    /// The unit of each number of the state (q, q̇, two works, and deflections of bristles), of which its absolute error is a share: x, 1 rad,
+    /// their rates over T, and the kinetic energy of this mass at L/T.
+    pub fn units(&self, mass: f64, nq: usize, state: usize) -> Vec<f64> {
+        let speed = self.length * self.pace;
+        let mut units = vec![self.extent; state];
+        (0..nq).filter(|k| !self.lengths.contains(k)).for_each(|k| units[k] = 1.0);
+        for (unit, lever) in units[nq..].iter_mut().zip(&self.levers) {
+            *unit = speed / lever;
+        }
+        units[nq + self.levers.len()..][..2].fill(0.5 * mass * speed * speed);
+        units
+    }
+}
+
+/// The slowest motion whose own time decides how far ahead of a state ties are decided, over the pace of the scene.
+pub(crate) const SLOWEST: f64 = 1e-3;
