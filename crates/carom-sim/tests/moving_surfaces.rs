@@ -7,7 +7,7 @@ use carom_sim::{
     Belt, ContactLaw, ContactRule, Oscillation, Profile, Sampling, Seen, SimError, Simulation, Surface, SurfaceMotion,
     Touch,
 };
-use carom_testing::build::{X, Y, Z, along, ball};
+use carom_testing::build::{Part, X, Y, Z, along, ball, chain};
 use carom_testing::scenes::{G, among, level as ground, surface};
 use nalgebra::Vector3;
 
@@ -145,7 +145,8 @@ fn a_body_that_is_squeezed_is_refused() {
         motion,
     };
     for start in [0.0, 99.9] {
-        let chain = glider(&[X]);
+        let slider = Part::slider("l1", "base", X).limits(-100.0, 100.0, 0.0);
+        let chain = chain(&[slider.weighing(2.0, [1.0; 3]).shaped(&ball(0.05))]);
         let surfaces = [wall(start - 0.1, 1.0, Some(motion.clone())), wall(0.15, -1.0, None)];
         let count = if start == 0.0 { 2 } else { 1 };
         let touches = Touch::all(&chain, &surfaces[..count], 0.0).unwrap().touches;
