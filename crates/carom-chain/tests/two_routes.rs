@@ -118,6 +118,24 @@ proptest! {
     }
 
     #[test]
+    fn inertia_added_to_coordinates_is_added_to_the_diagonal_of_the_mass_matrix(mut s in zoo()) {
+        let (q, qd, tau, row, nv) = (s.q(), s.v(), s.v(), s.v(), s.chain.nv());
+        let added: Vec<f64> = s.v().iter().map(|x| x.abs()).collect();
+        let mut ws = s.chain.workspace();
+        let mut kin = ws.update(&s.chain, &q).unwrap();
+        let m = kin.mass_matrix() + DMatrix::from_diagonal(&DVector::from_column_slice(&added));
+        let left = DVector::from_column_slice(&tau) - kin.bias(&qd, GRAVITY).unwrap();
+        let (mut rows, mut responses) = (carom_chain::Rows::new(nv), carom_chain::Rows::default());
+        rows.add().copy_from_slice(&row);
+        let mut qdd = vec![0.0; nv];
+        kin.accelerate_and_respond((&qd, &tau, GRAVITY), &added, &mut qdd, &rows, &mut responses).unwrap();
+        let dense = m.clone().cholesky().unwrap();
+        close("qdd", qdd.iter(), dense.solve(&left).iter(), solved(&m), 1.0);
+        let response = dense.solve(&DVector::from_column_slice(&row));
+        close("response", responses.row(0).iter(), response.iter(), solved(&m), 1.0);
+    }
+
+    #[test]
     fn recursive_delassus_equals_dense((n, seed) in (1..=12_usize, any::<u64>())) {
         let mut s = sample(n, Zoo::Uncoupled, seed);
         let (q, tip) = (s.q(), tip(&mut s));
