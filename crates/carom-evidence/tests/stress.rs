@@ -1,6 +1,7 @@
 //! The table of scenes that are hard for methods: no cell is a defect, and the files in `docs` are those of a fresh run.
 
-use super::{EXACT, METHODS, SCENES, Scene, Table, Verdict, names};
+use super::scenes::SCENES;
+use super::{EXACT, METHODS, Scene, Table, Verdict, names};
 use std::path::Path;
 use std::sync::LazyLock;
 
