@@ -1,7 +1,8 @@
 //! The table of scenes that are hard for methods: no cell is a defect, and the files in `docs` are those of a fresh run.
 
+use super::method::{EXACT, METHODS, Scene, Verdict};
 use super::scenes::SCENES;
-use super::{EXACT, METHODS, Scene, Table, Verdict, names};
+use super::{Table, names};
 use std::path::Path;
 use std::sync::LazyLock;
 

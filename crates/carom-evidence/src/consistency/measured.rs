@@ -1,6 +1,6 @@
 //! Reads measured coefficients from a CSV file.
 
-use super::Range;
+use super::range::Range;
 use crate::{EvidenceError, serialised_by_name};
 use serde::Serialize;
 use std::path::Path;

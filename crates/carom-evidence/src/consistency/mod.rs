@@ -28,6 +28,7 @@
 //! The same h and e determine the tangential velocity after the impact, `v_t⁺ = V (cos α − h (1+e) sin α)`, eq. (15).
 
 mod measured;
+mod range;
 mod region;
 mod v_plot;
 mod words;
@@ -39,42 +40,17 @@ pub use words::print;
 
 use crate::paper::Tangential;
 use crate::serialised_by_name;
+use measured::{Entry, Rounded};
 use nalgebra::Vector3;
+use range::{Pose, Range};
+use region::Region;
 use serde::Serialize;
-
-/// A closed interval; an end without bound is infinite.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub(crate) struct Range {
-    /// The lower end.
-    #[serde(skip_serializing_if = "is_unbounded")]
-    pub least: f64,
-    /// The upper end.
-    #[serde(skip_serializing_if = "is_unbounded")]
-    pub most: f64,
-}
-
-fn is_unbounded(end: &f64) -> bool {
-    !end.is_finite()
-}
-
-impl Range {
-    fn over(numbers: impl Iterator<Item = f64>) -> Self {
-        let none = Self { least: f64::INFINITY, most: f64::NEG_INFINITY };
-        numbers.fold(none, |r, x| Self { least: r.least.min(x), most: r.most.max(x) })
-    }
-
-    /// Whether the interval contains `x`.
-    #[cfg(test)]
-    pub fn holds(&self, x: f64) -> bool {
-        (self.least..=self.most).contains(&x)
-    }
-}
 
 /// One measurement in the coordinates (cot α, Y).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Point {
     #[serde(flatten)]
-    pub entry: measured::Entry,
+    pub entry: Entry,
     /// Y of the printed values; `None` if they have E < e, or E = 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub y: Option<f64>,
@@ -107,13 +83,6 @@ pub(crate) struct Fit {
     /// h and D at this factor; `None` if they have no bound there.
     #[serde(flatten)]
     pub at: Option<Pose>,
-}
-
-/// What e and E tell of a pose.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub(crate) struct Pose {
-    pub h: f64,
-    pub d: f64,
 }
 
 /// Tangential velocity after one measured impact by eq. (15).
@@ -200,7 +169,7 @@ pub struct Findings {
 /// Solves the inverse problem for one row.
 pub fn consistency(row: &MeasuredRow) -> Findings {
     let regions = regions(row, 1.0, &[], &[]);
-    let branch = |(below, r): &(usize, region::Region)| Branch { below: *below, h: r.h(), d: r.d() };
+    let branch = |(below, r): &(usize, Region)| Branch { below: *below, h: r.h(), d: r.d() };
     let branches: Vec<Branch> = regions.iter().map(branch).collect();
     let (factor, nearest) = least_factor(row, &[]);
     let fit = Fit { factor, at: nearest.and_then(|region| region.middle()) };
@@ -210,7 +179,7 @@ pub fn consistency(row: &MeasuredRow) -> Findings {
         None => Vec::new(),
     };
     let consistent = !branches.is_empty();
-    let implied = |entry: &measured::Entry| (!spans.is_empty()).then(|| implied(entry, &spans, consistent));
+    let implied = |entry: &Entry| (!spans.is_empty()).then(|| implied(entry, &spans, consistent));
     let mut found = Findings {
         row: row.name.clone(),
         consistent,
@@ -226,7 +195,7 @@ pub fn consistency(row: &MeasuredRow) -> Findings {
 }
 
 impl Point {
-    fn of(entry: &measured::Entry, implied: Option<Implied>) -> Self {
+    fn of(entry: &Entry, implied: Option<Implied>) -> Self {
         let exact = |x: f64| Range { least: x, most: x };
         let y = y_range(exact(entry.newton.value), exact(entry.energy_root.value));
         let y = y.filter(|y| y.least == y.most && y.most.is_finite()).map(|y| y.least);
@@ -245,8 +214,8 @@ fn y_range(e: Range, root: Range) -> Option<Range> {
 
 /// The regions of (a, b) compatible with the row, with the rounding errors multiplied by `factor`, without the entries
 /// `without`, and with further conditions `form` · (a, b, w) ≥ 0; each with the number of cotangents below h.
-fn regions(row: &MeasuredRow, factor: f64, without: &[usize], more: &[Vector3<f64>]) -> Vec<(usize, region::Region)> {
-    let base = more.iter().fold(region::Region::all(), |region, form| region.clip(*form));
+fn regions(row: &MeasuredRow, factor: f64, without: &[usize], more: &[Vector3<f64>]) -> Vec<(usize, Region)> {
+    let base = more.iter().fold(Region::all(), |region, form| region.clip(*form));
     let mut strips = Vec::new();
     for (k, entry) in row.entries.iter().enumerate().filter(|(k, _)| !without.contains(k)) {
         let Some(y) = y_range(entry.newton.range(factor), entry.energy_root.range(factor)) else {
@@ -276,12 +245,12 @@ fn regions(row: &MeasuredRow, factor: f64, without: &[usize], more: &[Vector3<f6
 
 /// The least factor on the rounding errors with which the row is consistent, by bisection (the regions are nested), and a
 /// region at this factor. `None` if there is no such factor.
-fn least_factor(row: &MeasuredRow, more: &[Vector3<f64>]) -> (f64, Option<region::Region>) {
+fn least_factor(row: &MeasuredRow, more: &[Vector3<f64>]) -> (f64, Option<Region>) {
     let halves = || row.entries.iter().flat_map(|e| [e.newton.half_unit, e.energy_root.half_unit]);
     let finest = halves().fold(f64::INFINITY, f64::min);
     let first = |factor: f64| regions(row, factor, &[], more).into_iter().next().map(|(_, region)| region);
     // from the resolution of f64 to ranges that cover 0 to 1
-    let (mut low, mut high) = (measured::Rounded::FINEST / finest, 1.0 / finest);
+    let (mut low, mut high) = (Rounded::FINEST / finest, 1.0 / finest);
     let Some(mut region) = first(high) else { return (f64::INFINITY, None) };
     if let Some(sharp) = first(low) {
         return (low, Some(sharp));
@@ -296,7 +265,7 @@ fn least_factor(row: &MeasuredRow, more: &[Vector3<f64>]) -> (f64, Option<region
     (high, Some(region))
 }
 
-fn implied(entry: &measured::Entry, spans: &[Range], rounded: bool) -> Implied {
+fn implied(entry: &Entry, spans: &[Range], rounded: bool) -> Implied {
     let (cot, sin) = (entry.cot, entry.angle_deg.to_radians().sin());
     let e =
         if rounded { entry.newton.range(1.0) } else { Range { least: entry.newton.value, most: entry.newton.value } };
@@ -398,7 +367,7 @@ fn directions(row: &MeasuredRow) -> Option<Directions> {
     if forms.is_empty() {
         return None;
     }
-    let region = forms.iter().fold(region::Region::all(), |region, form| region.clip(*form));
+    let region = forms.iter().fold(Region::all(), |region, form| region.clip(*form));
     let h = region.holds_some().then(|| region.h());
     let factor = h.and_then(|_| {
         let (factor, region) = least_factor(row, &forms);

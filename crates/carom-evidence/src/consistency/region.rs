@@ -4,7 +4,7 @@
 //! (a/w, b/w), and directions if w = 0, so unbounded regions need no bounding box. The extremes of h = b/a, D = (w/a)² and
 //! |a c − b|/w are at generators, because these are quotients of linear forms and monotonic along edges.
 
-use super::{Pose, Range};
+use super::range::{Pose, Range};
 use nalgebra::Vector3;
 
 /// Rounding error of generators of length 1.

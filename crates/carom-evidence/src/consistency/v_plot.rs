@@ -1,6 +1,7 @@
 //! Plot of the measurements over cot α with the best V-shaped function.
 
-use super::{Findings, Point, Pose};
+use super::range::Pose;
+use super::{Findings, Point};
 use crate::EvidenceError;
 use crate::line_chart::{COLOURS, Curve, svg};
 

@@ -1,6 +1,7 @@
 //! The findings as sentences.
 
-use super::{Findings, Pose, Range};
+use super::Findings;
+use super::range::{Pose, Range};
 use std::io::{self, Write};
 
 /// A number with four significant digits.

@@ -1,6 +1,6 @@
 //! Bodies, joints and simulations of the scenes.
 
-use super::{COMPLIANT, STEPS, said};
+use super::method::{COMPLIANT, STEPS, said};
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;

@@ -2,9 +2,9 @@
 
 use super::bodies::{chain, joint, link};
 use super::definition::{Reported, violation_of};
+use super::method::{Found, Judged, law, said};
 use super::single::{SPATIAL, worse};
 use super::tree::{Body, Posed, urdf};
-use super::{Found, Judged, law, said};
 use carom_chain::algebra::z_onto;
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, Coordinates, Rows, uniform_chain};

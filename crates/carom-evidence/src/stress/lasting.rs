@@ -1,8 +1,8 @@
 //! Motions with several contacts that last at once.
 
 use super::bodies::{G, cuboid, free, link, moments, plane, rule, simulation, touches};
+use super::method::{Found, Judged, STEPS, said};
 use super::single::worse;
-use super::{Found, Judged, STEPS, said};
 use carom_sim::{EventKind, Simulation, Trajectory};
 use nalgebra::Vector3;
 

@@ -3,8 +3,10 @@
 use super::bodies::{
     self, G, chain, cuboid, free, joint, link, moments, plane, simulation, sphere, touches, with_method,
 };
+use super::method::{
+    COMPLIANT, Found, GLOCKER_PFEIFFER, Judged, LIU_ZHAO_BROGLIATO, MOREAU, STEPS, law, runge_kutta, said,
+};
 use super::single::worse;
-use super::{COMPLIANT, Found, GLOCKER_PFEIFFER, Judged, LIU_ZHAO_BROGLIATO, MOREAU, STEPS, law, runge_kutta, said};
 use carom_chain::Chain;
 use carom_impact::{Accuracy, Constraint, ImpactProblem, Order, SeveralProblem, Stiffnesses};
 use carom_sim::{ContactRule, EventKind, Load, Profile, Simulation, Touch, Trajectory, Wrench, WrenchAxes};
@@ -267,7 +269,7 @@ pub fn rocking_impact(method: &str) -> Judged {
     let v = Vector3::new(h, -a, 1.0);
     let (mu, w) = (2.0, inverse_mass());
     let (jump, flags): (Vector3<f64>, _) = match method {
-        MOREAU | GLOCKER_PFEIFFER | LIU_ZHAO_BROGLIATO | super::SEQUENTIAL => {
+        MOREAU | GLOCKER_PFEIFFER | LIU_ZHAO_BROGLIATO | super::method::SEQUENTIAL => {
             // In three dimensions, without motion along y.
             let mut j = DMatrix::zeros(6, 3);
             for (k, side) in [-1.0, 1.0].into_iter().enumerate() {

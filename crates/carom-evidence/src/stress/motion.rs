@@ -1,8 +1,8 @@
 //! Motions: events, time steps, and compliant contacts.
 
 use super::bodies::{G, STIFFNESS, chain, free, joint, link, plane, rule, simulation, sphere, touches, with_method};
+use super::method::{COMPLIANT, EVENTS, Found, Judged, STEPS, runge_kutta, said};
 use super::single::worse;
-use super::{COMPLIANT, EVENTS, Found, Judged, STEPS, runge_kutta, said};
 use carom_chain::Chain;
 use carom_contact::Obstacle;
 use carom_sim::{Compliance, ContactRule, EventKind, Holding, Simulation, Trajectory};
@@ -91,7 +91,7 @@ pub fn zeno(method: &str) -> Judged {
     }
     // The times of flight are a geometric series.
     let expected = (2.0 / G).sqrt() * 3.0;
-    let found = found.must("error of an impact's time, s", late, super::EXACT);
+    let found = found.must("error of an impact's time, s", late, super::method::EXACT);
     Ok(found.must("error of the time at which e = 0.5 comes to rest, s", (rest - expected).abs(), 1e-9))
 }
 

@@ -1,6 +1,6 @@
 //! The table as Markdown and as a picture.
 
-use super::{Cell, METHODS, Row, Verdict};
+use super::method::{Cell, METHODS, Row, Verdict};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::fmt::Write;

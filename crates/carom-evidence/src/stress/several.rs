@@ -1,7 +1,7 @@
 //! Several contacts at one time, given by their Delassus matrix and velocities.
 
+use super::method::{COMPLIANT, Found, GLOCKER_PFEIFFER, Judged, LIU_ZHAO_BROGLIATO, MOREAU, runge_kutta, said};
 use super::single::worse;
-use super::{COMPLIANT, Found, GLOCKER_PFEIFFER, Judged, LIU_ZHAO_BROGLIATO, MOREAU, runge_kutta, said};
 use carom_impact::{
     Accuracy, Constraint, HuntCrossley, NormalForce, Order, SeveralProblem, Stiffnesses, TangentialForce,
     compliant_impact,
@@ -222,8 +222,8 @@ pub fn rod(method: &str) -> Judged {
     let orders = rod.all_orders(24, &ACCURACY);
     let apart = (FLAT[0] - FLAT[1]) * 2.0_f64.sqrt();
     Ok(found
-        .must("error of u⁺", (hit.u_plus - DVector::from_column_slice(&FLAT)).amax(), super::EXACT)
-        .must("error of the distance of the two outcomes", (orders.spread - apart).abs(), super::EXACT)
+        .must("error of u⁺", (hit.u_plus - DVector::from_column_slice(&FLAT)).amax(), super::method::EXACT)
+        .must("error of the distance of the two outcomes", (orders.spread - apart).abs(), super::method::EXACT)
         .must_be("two outcomes over the orders", orders.outcomes.len() == 2))
 }
 
@@ -472,5 +472,7 @@ pub fn cradle(method: &str) -> Judged {
     let off = after.iter().zip(rigid_cradle(method)).fold(0.0, |most, (one, other)| worse(most, (one - other).abs()));
     let [a, b, c] = rigid_cradle(method);
     let how = format!("({a:.3}, {b:.3}, {c:.3}) m/s whatever the stiffnesses");
-    Ok(Found::figure(farthest(|_| Ok(after))?).must("error of the law's own solution", off, super::EXACT).noting(how))
+    Ok(Found::figure(farthest(|_| Ok(after))?)
+        .must("error of the law's own solution", off, super::method::EXACT)
+        .noting(how))
 }

@@ -1,7 +1,7 @@
 //! One contact, given by its Delassus matrix and velocity.
 
 use super::definition::violation;
-use super::{Found, Judged, law, said};
+use super::method::{Found, Judged, law, said};
 use carom_impact::{Flags, ImpactOutcome, ImpactProblem};
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3, matrix, vector};
 
@@ -74,7 +74,7 @@ pub fn kane_levinson(name: &str) -> Judged {
             worst.add(&h, &hit, e, mu);
         }
     }
-    Ok(worst.found(name, |worst| worst.ratio, super::EXACT))
+    Ok(worst.found(name, |worst| worst.ratio, super::method::EXACT))
 }
 
 /// T⁺/T⁻ of the pendulum if slip has stopped and e = 1, so that u⁺ = (0, −u_n⁻): no other u⁺ under these laws has more energy.

@@ -1,8 +1,9 @@
 //! Single impacts, and impacts of chains.
 
-use crate::stress::Bound::{Between, Near};
+use crate::stress::method::Bound::{Between, Near};
+use crate::stress::method::{Expected, Judged, Scene};
 use crate::stress::single::{PLANAR, SPATIAL};
-use crate::stress::{Expected, Judged, Scene, chains, single};
+use crate::stress::{chains, single};
 
 const LAWS: &[&str] = &carom_impact::LAW_NAMES;
 /// Newton's restitution beside Coulomb's friction: may gain energy.

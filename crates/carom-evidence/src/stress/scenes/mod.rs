@@ -4,7 +4,7 @@ mod impacts;
 mod motion;
 mod several;
 
-use super::Scene;
+use super::method::Scene;
 use std::sync::LazyLock;
 
 /// The scenes, in the order of the table.

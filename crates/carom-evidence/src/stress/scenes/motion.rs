@@ -1,7 +1,8 @@
 //! Motions: accumulations, slopes, jams, lasting contacts, stiff contacts, time steps.
 
-use crate::stress::Bound::{Between, Near};
-use crate::stress::{Bound, COMPLIANT, EVENTS, Expected, Judged, STEPS, Scene, lasting, many, motion};
+use crate::stress::method::Bound::{Between, Near};
+use crate::stress::method::{Bound, COMPLIANT, EVENTS, Expected, Judged, STEPS, Scene};
+use crate::stress::{lasting, many, motion};
 
 /// A time step's error of the height: between a third of h and ten h (m/s times s).
 const fn step_error(step: f64) -> Bound {

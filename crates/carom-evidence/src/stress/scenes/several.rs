@@ -1,9 +1,8 @@
 //! Impacts of several contacts at the same time.
 
-use crate::stress::Bound::{Between, Near};
-use crate::stress::{
-    COMPLIANT, Expected, GLOCKER_PFEIFFER, LIU_ZHAO_BROGLIATO, MOREAU, SEQUENTIAL, Scene, many, several,
-};
+use crate::stress::method::Bound::{Between, Near};
+use crate::stress::method::{COMPLIANT, Expected, GLOCKER_PFEIFFER, LIU_ZHAO_BROGLIATO, MOREAU, SEQUENTIAL, Scene};
+use crate::stress::{many, several};
 
 const TOGETHER: &[&str] = &[MOREAU, GLOCKER_PFEIFFER];
 
