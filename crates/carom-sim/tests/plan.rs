@@ -19,8 +19,8 @@ fn planar2() -> String {
 /// Runs the plan of a scene and of the same scene with `model = "full"`, and compares events and motion of the joints
 /// `kept` (indices in the full q) to 1e-11 of the largest number. At least `least` events have to be compared.
 fn same_motion(name: &str, robot: &str, text: &str, kept: &[usize], least: usize) -> [Simulation; 2] {
-    let auto = scene(&robot, text);
-    let full = scene(&robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
+    let auto = scene(robot, text);
+    let full = scene(robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
     let (less, all) = (auto.plan().unwrap(), full.plan().unwrap());
     assert!(less.bounded.is_empty() && !less.left_out.is_empty());
     let a = less.simulation.run(&less.q, &less.qd, auto.duration).unwrap();

@@ -81,7 +81,7 @@ fn missing_meshes_are_warnings_left_out_by_option_and_refused_by_strict() {
 #[test]
 fn packages_are_searched_for_in_given_folders_first() {
     let folder = Folder::new();
-    let urdf = folder.write("arm/arm.urdf", &mesh("package://parts/x.stl"));
+    let urdf = folder.write("arm/arm.urdf", mesh("package://parts/x.stl"));
     let near = folder.write("arm/parts/x.stl", "");
     let far = folder.write("elsewhere/parts/x.stl", "");
     let found = |package_dirs: Vec<PathBuf>| {

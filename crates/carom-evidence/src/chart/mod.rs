@@ -88,7 +88,7 @@ impl PeerRun {
     /// # Errors
     /// In words: the time of a run with a result is not positive.
     pub fn check(&self) -> Result<(), String> {
-        match self.wall_time_s.filter(|time| self.result.is_some() && !(*time > 0.0)) {
+        match self.wall_time_s.filter(|time| self.result.is_some() && (time.is_nan() || *time <= 0.0)) {
             Some(time) => Err(format!("wall_time_s is {time}: it must be positive")),
             None => Ok(()),
         }

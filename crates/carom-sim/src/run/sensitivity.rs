@@ -73,7 +73,7 @@ pub struct EventTime {
     pub time_by: Vec<f64>,
 }
 
-fn uncounted(numbers: &Vec<f64>) -> bool {
+fn uncounted(numbers: &[f64]) -> bool {
     !numbers.iter().all(|x| x.is_finite())
 }
 

@@ -153,6 +153,9 @@ key_group! {
     }
 }
 
+/// The keys of one of several robots.
+type MemberKeys = Table<((Place, Loading), (Start, Control))>;
+
 impl<'de> Deserialize<'de> for Robots {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Form;
@@ -171,8 +174,7 @@ impl<'de> Deserialize<'de> for Robots {
                 Ok(Robots { named: false, all: vec![Member { place, load, start, control }] })
             }
             fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Robots, A::Error> {
-                let all: Vec<Table<((Place, Loading), (Start, Control))>> =
-                    Vec::deserialize(SeqAccessDeserializer::new(list))?;
+                let all: Vec<MemberKeys> = Vec::deserialize(SeqAccessDeserializer::new(list))?;
                 let member = |Table(((place, load), (start, control)))| Member { place, load, start, control };
                 Ok(Robots { named: true, all: all.into_iter().map(member).collect() })
             }
