@@ -268,7 +268,7 @@ fn a_users_parameter_is_differentiated() {
     let found = sim.sensitivity(&[0.6], &[0.0], 0.5, &[gravity]).unwrap();
     let time = (2.0 * 0.5 / 9.81_f64).sqrt();
     assert!((found.events[0].time_by[2] + 0.5 * time / 9.81).abs() < 1e-9, "{:?}", found.events);
-    assert_eq!(found.names, ["q fall", "qd fall", "gravity"]);
+    assert_eq!(found.names, ["q jl1", "qd jl1", "gravity"]);
 }
 
 /// A parameter that removes possible contacts is refused.

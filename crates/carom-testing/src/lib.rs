@@ -4,8 +4,8 @@
 //! | --- | --- |
 //! | [`build`] | robots from parts, as URDF or as chains |
 //! | [`files`] | robots and scenes of the repository, folders of a test |
-//! | [`mechanisms`] | linkages with closed loops (feature `sim`) |
-//! | [`scenes`] | surfaces, laws and simulations (feature `sim`) |
+//! | `mechanisms` | linkages with closed loops (feature `sim`) |
+//! | `scenes` | surfaces, laws and simulations (feature `sim`) |
 
 pub mod build;
 pub mod files;

@@ -30,7 +30,7 @@ use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 /// **Fails** to be passive: it can gain energy. Friction is opposed to the *final* slip, so it may act along the slip
 /// during most of the impact. Such an outcome has the flag `energy-gain`. At det H = 0 there may be no solution
 /// ([`ImpactError::Wedged`]), or a range of impulses with one u⁺: then the one whose friction is opposed to the initial
-/// slip is taken, with the flag `non-unique`; [`branches`](Law::branches) returns both ends of the range.
+/// slip is taken, with the flag `non-unique`; [`branches`](crate::Law::branches) returns both ends of the range.
 ///
 /// **Works.** The law has no path in time. The works are those of the straight path from u⁻ to u⁺,
 /// `W_n = ½ P_n (v_n⁻ + v_n⁺)` and `W_t = ½ P_t (v_t⁻ + v_t⁺)`, on which all three realised coefficients are e.
@@ -38,7 +38,7 @@ use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 /// **In space** friction of size `μ P_n` acts along `-v_t⁺`: with the normal impulse eliminated, `P_t = -(S + s 1)⁻¹ b`
 /// for an s >= 0 that is computed to rounding (`cone.rs`). At least one such s exists for every regular H, and there
 /// may be three (in about 1 of 1000 random problems, test `whittaker_s_branches_are_all_solutions_of_a_scan`); then
-/// sticking is taken if it is a solution, and the outcome has the flag `non-unique`; [`branches`](Law::branches)
+/// sticking is taken if it is a solution, and the outcome has the flag `non-unique`; [`branches`](crate::Law::branches)
 /// returns all.
 ///
 /// For singular H in space a pair of solutions may be missed; the law then returns [`ImpactError::Wedged`] although a

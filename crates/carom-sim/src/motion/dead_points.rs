@@ -22,7 +22,7 @@ use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
 /// A velocity counts as zero if setting it to zero changes others by up to this many times [`Motion::rest`].
-const MORE: f64 = 200.0;
+const MORE: f64 = 100.0;
 
 impl<A: Space> Motion<'_, A> {
     /// Lets contacts that stick and joints that dry friction holds slide on where they have just come to rest at a dead point. `before`:

@@ -40,7 +40,7 @@ impl Scale {
         let bases = sim.chain.bodies().iter().filter(|body| body.parent.is_none());
         let placed = bases.map(|body| body.placement.translation.norm()).fold(length, f64::max);
         let gravity = sim.gravity.norm();
-        let pace = if gravity > 0.0 { (gravity / length).sqrt() } else { 1e-3 / sim.contact_step };
+        let pace = if gravity > 0.0 { 0.5 * (gravity / length).sqrt() } else { 1e-3 / sim.contact_step };
         let mut levers = vec![length; sim.chain.nv()];
         let mut lengths = Vec::new();
         for joint in sim.chain.joints() {

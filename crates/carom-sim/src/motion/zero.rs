@@ -4,7 +4,7 @@
 //! | --- | --- | --- |
 //! | L | length of the scene: the longest path along the links to a point of a shape, m | `length` |
 //! | x | L, or the largest length among positions and coordinates, m | `extent` |
-//! | T | √(L/g), the time of a fall through L/2; without gravity 1000 [`contact_step`](crate::Simulation::contact_step) | 1/`pace` |
+//! | T | 2 √(L/g), the time of a fall through 2 L; without gravity 1000 [`contact_step`](crate::Simulation::contact_step) | 1/`pace` |
 //! | v | largest joint velocity, angles times L, or velocity of a surface, m/s | `speed` |
 //! | τ | tolerance of the run | |
 //!
@@ -15,7 +15,7 @@
 //! | a gap is closed, of a contact without normal velocity | min(τ, 1e-9) x | exact events leave rounding |
 //! | a gap is closed in the instant of an event | 1e-9 x | the event is that of another contact |
 //! | bodies overlap because a contact was missed | 10 max(τ, 1e-9) x | above what closed contacts leave |
-//! | error of a velocity along constraints: `noise` | max(τ, 1e-6) v / 50, at least τ L/(50 T) | states are projected, so that it is far below the tolerance |
+//! | error of a velocity along constraints: `noise` | max(τ, 1e-6) v / 20, at least τ L/(20 T) | states are projected, so that it is far below the tolerance |
 //! | a velocity is zero: `rest` | 10 times its error | one of this size stops within a time of the same size, and moves by its square |
 //! | approach velocity of a part beside another one: `still` | a hundredth of that | a fast turn about one part is a slow approach of the other |
 //! | slip that begins has the direction of its acceleration | √τ L/T | the error is of second order in the time of the start |
@@ -26,7 +26,7 @@ use super::smooth::Motion;
 use crate::state::{CLEAR, EQUAL, Space};
 
 /// [`Motion::noise`] as a share of the tolerance.
-const NOISE: f64 = 2e-2;
+const NOISE: f64 = 5e-2;
 
 impl<A: Space> Motion<'_, A> {
     /// The scale of the next decisions: at the start of a leg and of an impact.

@@ -220,7 +220,7 @@ pub struct LawPair {
 }
 
 impl LawPair {
-    /// The law `name`, one of [`LAW_NAMES`], with the given coefficients.
+    /// The law `name`, one of [`LAW_NAMES`](carom_impact::LAW_NAMES), with the given coefficients.
     ///
     /// # Errors
     /// [`FitError::Input`] for any other name.
