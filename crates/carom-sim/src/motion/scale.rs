@@ -104,16 +104,12 @@ impl Scale {
         q.iter().zip(other).enumerate().map(|(k, (one, two))| (one - two).abs() / unit(k)).fold(0.0, f64::max)
     }
 
-    /// The unit of each number of the state (q, q̇, two works, and deflections of bristles), of which its absolute error is a share: x, 1 rad,
-    /// their rates over T, and the kinetic energy of this mass at L/T.
+    /// The unit of each number of the state (q, q̇, two works, and deflections of bristles), of which its absolute error is a share: 1 m or rad,
+    /// their rates per second, and the kinetic energy of this mass at 1 m/s. They have units: multiples of L and T made the steps of small
+    /// bodies shorter than the rounding of their time, and those of large ones less accurate than documented.
     pub fn units(&self, mass: f64, nq: usize, state: usize) -> Vec<f64> {
-        let speed = self.length * self.pace;
-        let mut units = vec![self.extent; state];
-        (0..nq).filter(|k| !self.lengths.contains(k)).for_each(|k| units[k] = 1.0);
-        for (unit, lever) in units[nq..].iter_mut().zip(&self.levers) {
-            *unit = speed / lever;
-        }
-        units[nq + self.levers.len()..][..2].fill(0.5 * mass * speed * speed);
+        let mut units = vec![1.0; state];
+        units[nq + self.levers.len()..][..2].fill(0.5 * mass);
         units
     }
 }

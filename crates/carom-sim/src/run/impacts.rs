@@ -30,7 +30,7 @@ use nalgebra::Vector3;
 const SHORT: f64 = 1e-7;
 /// Least height of a bounce, in units of the rounding of gaps, where the tolerance allows no greater one: without bounces of that height
 /// positions are in error by them.
-const LOWEST: f64 = 100.0;
+const LOWEST: f64 = 20.0;
 /// Longest time for which lower ones are passed, as a share of that of the scene: the error of this step is of third order.
 const LONGEST: f64 = 3e-4;
 /// Impacts count as slow up to the speed of a fall of this number of Zeno times.
