@@ -27,7 +27,7 @@ pub(crate) use groups::{Gaps, Near};
 pub(crate) use held::Loads;
 pub(crate) use lasting::{Dry, DryJoint, Hold, Lasting};
 pub(crate) use rows::{Constraints, Contact, Level, direction_of_slip, push};
-pub(crate) use scale::Scale;
+pub(crate) use scale::{Scale, is_reached};
 pub(crate) use select::Candidate;
 pub(crate) use smooth::{Kept, Motion, bristles};
 pub use unique::NonUnique;

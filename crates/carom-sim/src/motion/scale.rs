@@ -88,11 +88,6 @@ impl Scale {
         speed / self.levers[v]
     }
 
-    /// Whether what is left of a time until another one is shorter than any step.
-    pub fn is_reached(&self, until: f64, time: f64) -> bool {
-        until - time <= 10.0 * ROUNDING * (1.0 / self.pace + until)
-    }
-
     /// The acceleration L/T², m/s².
     pub fn acceleration(&self) -> f64 {
         self.length * self.pace * self.pace
@@ -116,3 +111,8 @@ impl Scale {
 
 /// The slowest motion whose own time decides how far ahead of a state ties are decided, over the pace of the scene.
 pub(crate) const SLOWEST: f64 = 1e-3;
+
+/// Whether what is left of a time until another one is shorter than any step; `pace`: 1/T.
+pub(crate) fn is_reached(until: f64, time: f64, pace: f64) -> bool {
+    until - time <= 10.0 * ROUNDING * (1.0 / pace + until)
+}

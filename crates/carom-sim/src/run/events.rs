@@ -22,7 +22,7 @@ use super::trajectory::{Event, EventKind, Sampling, Seen, StepReason, Summary};
 use crate::contact::Touch;
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
-use crate::motion::{Lasting, Near, NonUnique};
+use crate::motion::{Lasting, Near, NonUnique, is_reached};
 use crate::state::{ContactImpulse, EQUAL, ROUNDING, Space};
 use carom_chain::urdf::JointType;
 
@@ -78,8 +78,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let mut accuracy = Accuracy { tolerance, max_step, integrator, patience, first_step, short };
         let kink = sim.next_kink(&self.motion.moving, self.time);
         let mut until = kink.min(self.end).min(self.time + implicit.unwrap_or(f64::INFINITY));
-        let scale = self.motion.scale.clone();
-        if scale.is_reached(until, self.time) {
+        let pace = self.motion.scale.pace;
+        if is_reached(until, self.time, pace) {
             self.time = until;
             return Ok(Ending::Passed);
         }
@@ -103,7 +103,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 Err(SimError::Chain(_)) if accuracy.first_step.is_some() => accuracy.first_step = None,
                 Err(SimError::Jam { time: jam, .. }) => {
                     let earlier = self.time + (0.125 * (until - self.time)).min(0.5 * (jam - self.time));
-                    if until - self.time <= EQUAL / scale.pace || scale.is_reached(earlier, self.time) {
+                    if until - self.time <= EQUAL / pace || is_reached(earlier, self.time, pace) {
                         return Ok(Ending::Stuck(StepReason::NoMode));
                     }
                     until = earlier;

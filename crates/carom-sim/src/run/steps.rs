@@ -31,7 +31,9 @@ use super::run_state::Run;
 use super::trajectory::{EventKind, GAIN, StepReason};
 use crate::contact::{ContactMode, SeveralLaw, Touch};
 use crate::error::SimError;
-use crate::motion::{Constraints, Contact, ContactState, Dry, Hold, Lasting, Level, Loads, Motion, Near, push};
+use crate::motion::{
+    Constraints, Contact, ContactState, Dry, Hold, Lasting, Level, Loads, Motion, Near, is_reached, push,
+};
 use crate::state::{EQUAL, EXACT, Loops, Space, View};
 use carom_chain::{ChainError, Rows};
 use carom_impact::{Accuracy, Constraint, Flags};
@@ -88,7 +90,7 @@ impl<A: Space> Run<'_, '_, A> {
         while self.time < self.end {
             let start = self.time;
             let until = self.end.min(sim.next_kink(&self.motion.moving, start));
-            if self.motion.scale.is_reached(until, self.time) {
+            if is_reached(until, self.time, self.motion.scale.pace) {
                 self.time = until;
                 continue;
             }
