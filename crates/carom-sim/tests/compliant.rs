@@ -257,7 +257,7 @@ fn compliance_keys_of_a_scene_are_read_and_invalid_ones_refused() {
         ("stifness = 1", "did you mean `stiffness`?"),
     ] {
         let refused = scene(said).unwrap_err().to_string();
-        assert!(refused.contains(why), "{refused}\n{why}");
+        assert!(refused.contains("<scene>") && refused.contains(why), "{refused}\n{why}");
     }
 }
 

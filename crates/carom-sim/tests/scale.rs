@@ -226,6 +226,12 @@ fn difference(path: &Path, by: Factors, folder: &Path) -> Option<String> {
     let (events, times, q, qd) = outcome(&one);
     let (found_events, mut found_times, found_q, found_qd) = outcome(&other);
     found_times.iter_mut().for_each(|time| *time /= by.time);
+    // The absolute error of the integration has a unit of length and of time, and none of mass: there rounding itself is the same.
+    let same_rounding = by.length == 1.0 && by.time == 1.0;
+    if same_rounding && events != found_events {
+        let k = (0..).find(|&k| events.get(k) != found_events.get(k)).unwrap_or_default();
+        return Some(format!("event {k} of {}: {:?}, but {:?}", events.len(), events.get(k), found_events.get(k)));
+    }
     let (instants, found_instants) = (instants(&events, &times), instants(&found_events, &found_times));
     let here = |k: usize| (instants.get(k), found_instants.get(k));
     let same = |k: &usize| match here(*k) {
