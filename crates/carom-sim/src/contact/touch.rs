@@ -292,6 +292,14 @@ impl Touch {
         })
     }
 
+    /// Whether both are contacts of the same pair, of its bodies or of their parts.
+    pub(crate) fn is_of_the_same_pair(&self, other: &Self) -> bool {
+        match (&self.kind, &other.kind) {
+            (TouchKind::Pair { pair, .. }, TouchKind::Pair { pair: other, .. }) => Arc::ptr_eq(pair, other),
+            _ => false,
+        }
+    }
+
     /// Radius of a sphere about the body of its link, m; 0 for a limit.
     pub(crate) fn size(&self) -> f64 {
         match &self.kind {

@@ -335,6 +335,12 @@ impl Simulation {
             && self.wrenches.iter().all(|wrench| wrench.is_steady(time))
     }
 
+    /// q and q̇ of a state, which begins with them.
+    pub(crate) fn split<'y>(&self, y: &'y [f64]) -> (&'y [f64], &'y [f64]) {
+        let (q, rest) = y.split_at(self.chain.nq());
+        (q, &rest[..self.chain.nv()])
+    }
+
     /// Normalises the quaternions in q, which the integration changes in length by its error. Returns whether any changed.
     pub(crate) fn normalise(&self, q: &mut [f64]) -> bool {
         if self.chain.nq() == self.chain.nv() {

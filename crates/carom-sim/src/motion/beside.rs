@@ -35,12 +35,12 @@ impl<A: Space> Motion<'_, A> {
     /// The inertia at a touch beside the lasting contacts; `None` if one of them slides with friction, so that its impulse is
     /// not along a fixed direction, or if the touch is a joint limit.
     pub fn beside(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<Option<Beside>, SimError> {
-        let rigid = self.lasting.iter().filter(|own| own.is_rigid()).copied();
+        let rigid = self.active.lasting.iter().filter(|own| own.is_rigid()).copied();
         let entries: Vec<Lasting> = rigid.chain(std::iter::once(Lasting { touch, hold: Hold::Sticks })).collect();
         let mut found = Assembled::new(self.sim.chain.nv());
-        let dry = std::mem::take(&mut self.dry);
+        let dry = std::mem::take(&mut self.active.dry);
         let done = self.assemble((time, y), &entries, Detail::ROWS, &mut found);
-        self.dry = dry;
+        self.active.dry = dry;
         done?;
         let Assembled { constraints, responses, .. } = found;
         let mut contacts = constraints.contacts;

@@ -38,11 +38,11 @@ pub struct ContactState {
 impl<A: Space> Motion<'_, A> {
     /// The lasting contacts at a state in the present mode.
     pub fn contact_states(&mut self, time: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError> {
-        if self.lasting.is_empty() {
+        if self.active.lasting.is_empty() {
             return Ok(Vec::new());
         }
         let mut held = self.in_mode(time, y)?;
-        let (lasting, flags) = (self.lasting.clone(), self.flags());
+        let (lasting, flags) = (self.active.lasting.clone(), self.flags());
         self.distribute((time, y), &mut held)?;
         let sim = self.sim;
         let (q, _) = self.split(y);

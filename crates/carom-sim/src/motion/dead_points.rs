@@ -35,9 +35,9 @@ impl<A: Space> Motion<'_, A> {
     ) -> Result<(), SimError> {
         // At the start no joint was at rest before.
         let held = |old: &DryJoint| old.state == Dry::Holds && time > self.sim.start_time;
-        let joints = self.dry.iter().zip(before).map(|(joint, old)| joint.state == Dry::Holds && !held(old));
+        let joints = self.active.dry.iter().zip(before).map(|(joint, old)| joint.state == Dry::Holds && !held(old));
         let joints: Vec<bool> = joints.collect();
-        let stops = |own: &Lasting| own.hold == Hold::Sticks && !self.lasting.contains(own);
+        let stops = |own: &Lasting| own.hold == Hold::Sticks && !self.active.lasting.contains(own);
         let contacts: Vec<bool> = entries.iter().filter(|own| own.is_rigid()).map(stops).collect();
         let moves = self.scale.fastest(self.split(y).1) > MORE * self.rest();
         if !moves || !contacts.iter().chain(&joints).any(|stops| *stops) {
@@ -65,7 +65,7 @@ impl<A: Space> Motion<'_, A> {
         }
         for (k, rows) in of_joints {
             if let Some(toward) = self.passing_dead_point(&found, &left, &rows, y)? {
-                self.dry[k].state = Dry::Brakes(toward[0]);
+                self.active.dry[k].state = Dry::Brakes(toward[0]);
             }
         }
         Ok(())

@@ -108,7 +108,7 @@ impl<A: Space> Motion<'_, A> {
         let sim = self.sim;
         let mu = |own: &Lasting| sim.touches[own.touch].contact.law.friction();
         let largest = held.contacts.iter().fold(0.0, |most: f64, own| most.max(own.normal_force.abs()));
-        let admissible = self.lasting.iter().zip(&held.contacts).all(|(own, force)| match own.hold {
+        let admissible = self.active.lasting.iter().zip(&held.contacts).all(|(own, force)| match own.hold {
             Hold::Latched | Hold::Presses { .. } => true,
             Hold::Sticks => force.normal_force.min(force.cone(mu(own))) >= -EQUAL * largest,
             Hold::Slides { .. } | Hold::Starts { .. } => force.normal_force >= -EQUAL * largest,
@@ -116,11 +116,11 @@ impl<A: Space> Motion<'_, A> {
         let holds = |(joint, force): (&DryJoint, &f64)| {
             joint.state != Dry::Holds || force.abs() <= (1.0 + EQUAL) * joint.friction
         };
-        if admissible && self.dry.iter().zip(&held.joints).all(holds) {
+        if admissible && self.active.dry.iter().zip(&held.joints).all(holds) {
             return Ok(());
         }
         let mut found = Assembled::new(self.sim.chain.nv());
-        let lasting = self.lasting.clone();
+        let lasting = self.active.lasting.clone();
         self.assemble((time, y), &lasting, Detail::ROWS, &mut found)?;
         let Some(mut equations) = self.equations(time, &found)? else { return Ok(()) };
         let Some(given) = equations.forces(&-found.offset()) else { return Ok(()) };
@@ -130,7 +130,7 @@ impl<A: Space> Motion<'_, A> {
         let mut admitted: Vec<Admitted> = pushes.map(cone).collect();
         let first = given.len() - constraints.joints.len();
         let joints = constraints.joints.iter().enumerate();
-        admitted.extend(joints.map(|(i, k)| Admitted::Bound { row: first + i, bound: self.dry[*k].friction }));
+        admitted.extend(joints.map(|(i, k)| Admitted::Bound { row: first + i, bound: self.active.dry[*k].friction }));
         let Some(forces) = least(&constraints.forces.times(&found.responses), &given, &admitted) else { return Ok(()) };
         let stored = held.contacts.iter_mut().zip(&lasting).filter(|(_, own)| own.is_rigid());
         for ((stored, _), contact) in stored.zip(&constraints.contacts) {

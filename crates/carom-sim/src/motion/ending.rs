@@ -60,7 +60,7 @@ impl<A: Space> Motion<'_, A> {
         let sim = self.sim;
         let brakes = |joint: &DryJoint| joint.state != Dry::Holds;
         let mut ending = Ending::default();
-        if !self.may_turn() && !self.dry.iter().any(brakes) {
+        if !self.may_turn() && !self.active.dry.iter().any(brakes) {
             return Ok(ending);
         }
         let held = match self.accelerations(time, y) {
@@ -71,7 +71,7 @@ impl<A: Space> Motion<'_, A> {
         let within = SHARE * sim.zeno_time;
         // In loops a joint that becomes slow may pass a dead point.
         let tree = self.couplings.is_empty();
-        for (k, joint) in self.dry.iter().enumerate().filter(|(_, joint)| tree && brakes(joint)) {
+        for (k, joint) in self.active.dry.iter().enumerate().filter(|(_, joint)| tree && brakes(joint)) {
             let (rate, slows) = (qd[joint.v].abs(), -held.qdd[joint.v] * qd[joint.v].signum());
             if slows > 0.0 && rate <= within * slows {
                 ending.joints.push(k);
@@ -95,7 +95,7 @@ impl<A: Space> Motion<'_, A> {
     ) -> Result<(), SimError> {
         let (q, _) = self.split(y);
         let view = View::<A>::new(self.model, &mut self.workspace, q)?;
-        let rigid = self.lasting.iter().filter(|own| own.is_rigid());
+        let rigid = self.active.lasting.iter().filter(|own| own.is_rigid());
         let contacts = rigid.zip(&self.assembled.constraints.contacts);
         for (own, contact) in contacts.filter(|(own, _)| own.may_turn::<A>(self.sim)) {
             see(own.touch, own.slip_left(within, self.sim, &view, (qdd.as_slice(), contact), (q, time))?);
@@ -105,7 +105,7 @@ impl<A: Space> Motion<'_, A> {
 
     /// Whether a contact slides whose slip may turn.
     pub fn may_turn(&self) -> bool {
-        self.lasting.iter().any(|own| own.may_turn::<A>(self.sim))
+        self.active.lasting.iter().any(|own| own.may_turn::<A>(self.sim))
     }
 
     /// What is left of the slip that ends first, at these accelerations, which are the last ones computed: negative where it ends soon.
@@ -118,9 +118,10 @@ impl<A: Space> Motion<'_, A> {
     /// Takes away what does not rest in the present mode; returns whether there was any.
     pub fn is_moving(&self, ending: &mut Ending) -> bool {
         let all = ending.touches.len() + ending.joints.len();
-        let sticks = |touch: &usize| self.lasting.iter().any(|own| own.touch == *touch && own.hold == Hold::Sticks);
+        let sticks =
+            |touch: &usize| self.active.lasting.iter().any(|own| own.touch == *touch && own.hold == Hold::Sticks);
         ending.touches.retain(sticks);
-        ending.joints.retain(|k| self.dry[*k].state == Dry::Holds);
+        ending.joints.retain(|k| self.active.dry[*k].state == Dry::Holds);
         ending.touches.len() + ending.joints.len() < all
     }
 }

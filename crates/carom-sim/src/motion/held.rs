@@ -107,7 +107,7 @@ impl<A: Space> Motion<'_, A> {
         found.power = self.apply(time, q, qd, &mut found.tau)?;
         let locks = detail.locks && self.may_lock();
         self.lock(lasting, locks, &mut found.locked);
-        let dry = std::mem::take(&mut self.dry);
+        let dry = std::mem::take(&mut self.active.dry);
         let bristles = std::mem::take(&mut self.bristles);
         let noise = self.noise();
         let tail = &y[q.len() + qd.len() + 2..];
@@ -149,14 +149,14 @@ impl<A: Space> Motion<'_, A> {
             found.constraints.hold(&dry);
         }
         let done = found.respond(&mut view, (qd, sim.gravity), detail.own);
-        (self.dry, self.bristles) = (dry, bristles);
+        (self.active.dry, self.bristles) = (dry, bristles);
         done
     }
 
     /// The forces of drive, resistance and compliant contacts at a state.
     pub fn loads(&mut self, time: f64, y: &[f64]) -> Result<Loads, SimError> {
         let (q, qd) = self.split(y);
-        let lasting = self.lasting.clone();
+        let lasting = self.active.lasting.clone();
         if lasting.is_empty() {
             let (tau, power) = self.applied(time, q, qd)?;
             return Ok(Loads { tau, power, bends: Vec::new() });
@@ -181,7 +181,7 @@ impl<A: Space> Motion<'_, A> {
 
     /// [`Motion::in_mode`] without the forces on joints that are locked.
     pub fn accelerations(&mut self, time: f64, y: &[f64]) -> Result<ConstraintForces, SimError> {
-        let mut lasting = std::mem::take(&mut self.lasting);
+        let mut lasting = std::mem::take(&mut self.active.lasting);
         let mut found = std::mem::take(&mut self.assembled);
         let mut attempt = |it: &mut Self| {
             it.assemble((time, y), &lasting, Detail { locks: true, own: it.redundant }, &mut found)?;
@@ -195,7 +195,7 @@ impl<A: Space> Motion<'_, A> {
             held => held,
         };
         Self::keep_directions(&mut lasting, &found);
-        (self.lasting, self.assembled) = (lasting, found);
+        (self.active.lasting, self.assembled) = (lasting, found);
         held.map(Option::unwrap_or_default)
     }
 
@@ -213,7 +213,7 @@ impl<A: Space> Motion<'_, A> {
         if !locks {
             return;
         }
-        let dry = self.dry.iter().filter(|joint| joint.state == Dry::Holds).map(|joint| joint.v);
+        let dry = self.active.dry.iter().filter(|joint| joint.state == Dry::Holds).map(|joint| joint.v);
         let limits = lasting.iter().filter_map(|own| Some(self.sim.touches[own.touch].stops()?.0));
         for v in dry.chain(limits) {
             locked.resize(self.sim.chain.nv(), 0.0);
@@ -238,8 +238,8 @@ impl<A: Space> Motion<'_, A> {
         }
         // A limit bears what pushes against it, and dry friction the rest. With equal shares friction would reach its bound, and the joint
         // would seem to break loose.
-        let limits = || self.lasting.iter().map(|own| self.sim.touches[own.touch].stops());
-        for (k, joint) in self.dry.iter().enumerate().filter(|(_, joint)| joint.state == Dry::Holds) {
+        let limits = || self.active.lasting.iter().map(|own| self.sim.touches[own.touch].stops());
+        for (k, joint) in self.active.dry.iter().enumerate().filter(|(_, joint)| joint.state == Dry::Holds) {
             let pushed = limits().flatten().any(|(v, sign)| v == joint.v && sign * needed[v] >= 0.0);
             if !pushed {
                 held.joints[k] = std::mem::take(&mut needed[joint.v]);
@@ -282,7 +282,7 @@ impl<A: Space> Motion<'_, A> {
         let mut held = ConstraintForces {
             qdd: free.clone(),
             contacts: Vec::with_capacity(lasting.len()),
-            joints: vec![0.0; self.dry.len()],
+            joints: vec![0.0; self.active.dry.len()],
             power: *power,
         };
         push(held.qdd.as_mut_slice(), responses, lambda.as_slice());
@@ -380,7 +380,7 @@ mod tests {
             let turn = nalgebra::Vector4::from_vec(draw(4)).normalize();
             let y = [&draw(3)[..], turn.as_slice(), &draw(nq - 7), &draw(nv), &[0.0; 2]].concat();
             let mut motion = Motion::<Spatial<f64>>::new(&sim, &sim.chain);
-            motion.speed = 1.0;
+            motion.active.speed = 1.0;
             // The second knee slips, the first one is held by friction and its limit, the third by its limit alone.
             let v_of = |name: &str| {
                 let joint = sim.chain.joints().iter().find(|joint| joint.name == name).unwrap();
@@ -388,16 +388,16 @@ mod tests {
                 v.start
             };
             let slipping = [v_of("knee1"), v_of("knee2")];
-            for joint in motion.dry.iter_mut().filter(|joint| slipping.contains(&joint.v)) {
+            for joint in motion.active.dry.iter_mut().filter(|joint| slipping.contains(&joint.v)) {
                 joint.state = Dry::Brakes(1.0);
             }
-            motion.lasting = vec![
+            motion.active.lasting = vec![
                 Lasting { touch: touch("shank0"), hold: holds[k % 3] },
                 Lasting { touch: touch("lower limit of knee0"), hold: Hold::Slides { toward: Vector3::zeros() } },
                 Lasting { touch: touch("shank1"), hold: holds[k / 3 % 2] },
                 Lasting { touch: touch("upper limit of knee2"), hold: Hold::Slides { toward: Vector3::zeros() } },
             ];
-            let lasting = motion.lasting.clone();
+            let lasting = motion.active.lasting.clone();
             // At a random pose sliding may jam.
             let Ok(locked) = motion.in_mode(0.0, &y) else { continue };
             assert!(!motion.assembled.locked.is_empty());
@@ -409,7 +409,7 @@ mod tests {
                 |what: &str, a: f64, b: f64| assert!((a - b).abs() < 1e-9 * (1.0 + b.abs()), "{what} {a} {b}, {k}");
             locked.qdd.iter().zip(&rows.qdd).for_each(|(a, b)| same("acceleration", *a, *b));
             // Of friction and limit of one joint only the sum is the same.
-            let shared = motion.dry.iter().position(|joint| joint.v == v_of("knee0")).unwrap();
+            let shared = motion.active.dry.iter().position(|joint| joint.v == v_of("knee0")).unwrap();
             let both = |held: &ConstraintForces| [held.joints[shared], held.contacts[1].normal_force];
             let ([own, pushed], [half, other]) = (both(&locked), both(&rows));
             same("load of the first knee", own + pushed, half + other);

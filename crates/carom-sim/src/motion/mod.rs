@@ -1,5 +1,6 @@
 //! Smooth motion: the equations of one contact mode, and the choice of the mode.
 
+mod active_set;
 mod assembled;
 mod beside;
 mod contact_states;
@@ -20,6 +21,7 @@ mod starting;
 mod unique;
 mod zero;
 
+pub(crate) use active_set::ActiveSet;
 pub(crate) use assembled::ConstraintForces;
 pub use contact_states::ContactState;
 pub use free_motion::{free_motion, free_motion_at};
@@ -29,5 +31,5 @@ pub(crate) use lasting::{Dry, DryJoint, Hold, Lasting};
 pub(crate) use rows::{Constraints, Contact, Level, direction_of_slip, push};
 pub(crate) use scale::{Scale, is_reached};
 pub(crate) use select::Candidate;
-pub(crate) use smooth::{Kept, Motion, bristles};
+pub(crate) use smooth::{Motion, bristles};
 pub use unique::NonUnique;

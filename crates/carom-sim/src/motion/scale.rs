@@ -31,7 +31,9 @@ impl Scale {
     pub fn new(sim: &Simulation) -> Self {
         let reach = reach(&sim.chain);
         let mut extents = BTreeMap::<&str, f64>::new();
-        for (link, extent) in sim.touches.iter().flat_map(Touch::extents) {
+        // Parts of a pair have its shapes.
+        let shapes = sim.touches.chunk_by(Touch::is_of_the_same_pair).filter_map(<[Touch]>::first);
+        for (link, extent) in shapes.flat_map(Touch::extents) {
             extents.entry(link).and_modify(|most| *most = most.max(extent)).or_insert(extent);
         }
         let extent = |link: &str| extents.get(link).copied().unwrap_or_default();

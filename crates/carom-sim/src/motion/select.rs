@@ -68,7 +68,7 @@ impl<A: Space> Motion<'_, A> {
             }
         }
         let starts = |own: &&Lasting| own.touch == touch && matches!(own.hold, Hold::Starts { .. });
-        let kept = slip.and(self.lasting.iter().find(starts).copied());
+        let kept = slip.and(self.active.lasting.iter().find(starts).copied());
         Ok(Candidate { touch, slip, kept })
     }
 
@@ -78,9 +78,9 @@ impl<A: Space> Motion<'_, A> {
     pub fn select(&mut self, candidates: &[Candidate], time: f64, y: &mut [f64]) -> Result<bool, SimError> {
         let nq = self.sim.chain.nq();
         self.close_loops(y)?;
-        let before = self.dry.clone();
+        let before = self.active.dry.clone();
         let rest = self.rest();
-        for joint in &mut self.dry {
+        for joint in &mut self.active.dry {
             let rate = y[nq + joint.v];
             joint.state =
                 if rate.abs() > self.scale.joint(joint.v, rest) { Dry::Brakes(rate.signum()) } else { Dry::Holds };
@@ -89,9 +89,9 @@ impl<A: Space> Motion<'_, A> {
         self.pass_dead_points(&mut entries, &before, (time, y))?;
         self.other_mode = None;
         self.project(&entries, time, y)?;
-        let resting = self.dry.iter().any(|joint| joint.state == Dry::Holds);
+        let resting = self.active.dry.iter().any(|joint| joint.state == Dry::Holds);
         if !resting && entries.iter().all(|entry| !entry.is_rigid()) {
-            self.lasting = entries;
+            self.active.lasting = entries;
             return Ok(true);
         }
         let mut found = Assembled::new(self.sim.chain.nv());
@@ -108,7 +108,7 @@ impl<A: Space> Motion<'_, A> {
     /// Positive while the present mode has admissible forces: whether the complementarity problem keeps all its contacts closed
     /// and at rest.
     pub fn margin(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
-        let lasting = self.lasting.clone();
+        let lasting = self.active.lasting.clone();
         let mut found = Assembled::new(self.sim.chain.nv());
         let start = self.margin_forces.take();
         let solved = self.complementarity((time, y), &lasting, &mut found, start.as_ref())?;
@@ -140,7 +140,7 @@ impl<A: Space> Motion<'_, A> {
         let entries: Vec<Lasting> = entries.iter().map(at_rest).collect();
         self.assemble((time, y), &entries, Detail::ROWS, found)?;
         let (delassus, free) = (found.delassus(), found.offset());
-        let constraints = found.constraints.laws(self.sim, &self.dry, 1.0, false);
+        let constraints = found.constraints.laws(self.sim, &self.active.dry, 1.0, false);
         let problem = SeveralProblem::of_accelerations(delassus.clone(), free.clone(), constraints)?;
         let held = if start.is_none() { self.all_held(found, &free) } else { None };
         let start = start.or(held.as_ref()).filter(|start| start.len() == free.len());
@@ -172,7 +172,7 @@ impl<A: Space> Motion<'_, A> {
         });
         let first = forces.len() - found.constraints.joints.len();
         let mut joints = found.constraints.joints.iter().zip(forces.iter().skip(first));
-        (pushes && joints.all(|(k, force)| force.abs() <= self.dry[*k].friction + nearly)).then_some(forces)
+        (pushes && joints.all(|(k, force)| force.abs() <= self.active.dry[*k].friction + nearly)).then_some(forces)
     }
 
     /// Whether a contact is undecided: neither loaded nor opening, or at rest on the border of its cone.
@@ -198,7 +198,7 @@ impl<A: Space> Motion<'_, A> {
         contacts
             || found.constraints.joints.iter().enumerate().any(|(i, &k)| {
                 let (force, a) = (solution.force[first + i].abs(), solution.acceleration[first + i].abs());
-                a <= accelerations && (force - self.dry[k].friction).abs() <= forces
+                a <= accelerations && (force - self.active.dry[k].friction).abs() <= forces
             })
     }
 
@@ -239,10 +239,10 @@ impl<A: Space> Motion<'_, A> {
         // A contact that the others support could carry load as well.
         let is_supported =
             |contact: &Range<usize>| solution.acceleration[contact.end - 1].abs() <= accelerations && is_redundant();
-        self.lasting.clear();
+        self.active.lasting.clear();
         for own in entries {
             if !own.is_rigid() {
-                self.lasting.push(*own);
+                self.active.lasting.push(*own);
                 continue;
             }
             let Some(contact) = contacts.next() else { break };
@@ -269,13 +269,13 @@ impl<A: Space> Motion<'_, A> {
                 }
                 hold => hold,
             };
-            self.lasting.push(Lasting { touch: own.touch, hold });
+            self.active.lasting.push(Lasting { touch: own.touch, hold });
         }
         let first = solution.force.len() - found.constraints.joints.len();
         for (i, &k) in found.constraints.joints.iter().enumerate() {
             let (force, a) = (solution.force[first + i], solution.acceleration[first + i]);
             if a.abs() > accelerations {
-                self.dry[k].state = Dry::Brakes(-force.signum());
+                self.active.dry[k].state = Dry::Brakes(-force.signum());
             }
         }
     }

@@ -1,12 +1,13 @@
 //! Projection of a state onto its constraints, in the metric of M: gaps and normal velocities of the lasting contacts, slip of
 //! those that stick.
 
+use super::active_set::ActiveSet;
 use super::assembled::Assembled;
 use super::held::Detail;
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
 use super::rows::{Constraints, Level, direction_of_slip, push};
 use super::select::Candidate;
-use super::smooth::{Kept, Motion};
+use super::smooth::Motion;
 use crate::contact::Touch;
 use crate::error::SimError;
 use crate::state::{EXACT, ROUNDING, Space, View};
@@ -16,9 +17,9 @@ use nalgebra::{DMatrix, DVector};
 impl<A: Space> Motion<'_, A> {
     /// Projects a state onto the constraints of the present mode; returns whether it changed.
     pub fn settle(&mut self, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
-        let lasting = std::mem::take(&mut self.lasting);
+        let lasting = std::mem::take(&mut self.active.lasting);
         let changed = self.project(&lasting, time, y);
-        self.lasting = lasting;
+        self.active.lasting = lasting;
         changed
     }
 
@@ -28,13 +29,13 @@ impl<A: Space> Motion<'_, A> {
         let (nq, nv) = (self.sim.chain.nq(), self.sim.chain.nv());
         let rigid = || lasting.iter().filter(|own| own.is_rigid());
         let mut changed = self.close_loops(y)?;
-        if rigid().next().is_none() && !self.dry.iter().any(|joint| joint.state == Dry::Holds) {
+        if rigid().next().is_none() && !self.active.dry.iter().any(|joint| joint.state == Dry::Holds) {
             return Ok(changed);
         }
         // The velocities at the new configuration.
         for level in [Level::Positions, Level::Velocities] {
             let (q, qd) = (y[..nq].to_vec(), y[nq..nq + nv].to_vec());
-            let Self { sim, model, workspace, couplings, dry, scale, .. } = self;
+            let Self { sim, model, workspace, couplings, active, scale, .. } = self;
             let mut view = View::closed_by(*model, workspace, &q, couplings)?;
             let (mut table, mut responses) = (Constraints::new(nv), Rows::new(nv));
             for own in rigid() {
@@ -48,7 +49,7 @@ impl<A: Space> Motion<'_, A> {
             let errors = match level {
                 Level::Positions => table.contacts.iter().map(|contact| contact.gap).collect(),
                 Level::Velocities => {
-                    table.hold(dry);
+                    table.hold(&active.dry);
                     table.excess(&qd).as_slice().to_vec()
                 }
             };
@@ -99,7 +100,7 @@ impl<A: Space> Motion<'_, A> {
 
     /// Updates the directions of slip, which turn in space; the witness functions for its stop use them.
     pub fn follow_slip(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {
-        let mut lasting = std::mem::take(&mut self.lasting);
+        let mut lasting = std::mem::take(&mut self.active.lasting);
         let (q, qd) = self.split(y);
         let (sim, noise) = (self.sim, self.noise());
         let view = self.view(q)?;
@@ -111,13 +112,13 @@ impl<A: Space> Motion<'_, A> {
                 *toward = direction_of_slip(u, place.normal, noise).unwrap_or(*toward);
             }
         }
-        self.lasting = lasting;
+        self.active.lasting = lasting;
         Ok(())
     }
 
     /// Ends the start of slips that have jumped between these states: their direction is that of the slip which an impact gave them.
     pub fn end_starts(&mut self, time: f64, (before, now): (&[f64], &[f64])) -> Result<(), SimError> {
-        let mut lasting = std::mem::take(&mut self.lasting);
+        let mut lasting = std::mem::take(&mut self.active.lasting);
         let (sim, rest) = (self.sim, self.rest());
         let ((q, qd), (_, old)) = (self.split(now), self.split(before));
         let view = self.view(q)?;
@@ -131,7 +132,7 @@ impl<A: Space> Motion<'_, A> {
                 own.hold = Hold::Slides { toward };
             }
         }
-        self.lasting = lasting;
+        self.active.lasting = lasting;
         Ok(())
     }
 
@@ -140,7 +141,7 @@ impl<A: Space> Motion<'_, A> {
     pub fn slowest_slip(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
         let slides = |own: &Lasting| matches!(own.hold, Hold::Slides { .. });
         let rough = |touch: &Touch| touch.contact.law.friction() > 0.0;
-        let lasting: Vec<Lasting> = self.lasting.iter().filter(|own| slides(own)).copied().collect();
+        let lasting: Vec<Lasting> = self.active.lasting.iter().filter(|own| slides(own)).copied().collect();
         let (sim, (q, qd)) = (self.sim, self.split(y));
         let view = self.view(q)?;
         let mut slowest = f64::INFINITY;
@@ -154,7 +155,7 @@ impl<A: Space> Motion<'_, A> {
     /// The direction of slip that has begun, where it is fast enough, follows from it from now on. Contacts that begin to slide at
     /// one time are fast enough at one time, too: up to the error of the integration, and some of them have half that speed.
     pub fn started(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {
-        let mut lasting = self.lasting.clone();
+        let mut lasting = self.active.lasting.clone();
         let (sim, least) = (self.sim, 0.5 * self.starts());
         let (q, qd) = self.split(y);
         let view = self.view(q)?;
@@ -167,14 +168,14 @@ impl<A: Space> Motion<'_, A> {
                 }
             }
         }
-        self.lasting = lasting;
+        self.active.lasting = lasting;
         self.follow_slip(time, y)
     }
 
     /// Takes out the components of slip across the directions of slip, of the contacts that slide and stick in the mode `after`: by
     /// impulses of friction across these directions, with those of the constraints. Slip whose direction turns ends so.
-    pub fn straighten(&mut self, after: &Kept, time: f64, y: &mut [f64]) -> Result<(), SimError> {
-        let lasting = std::mem::take(&mut self.lasting);
+    pub fn straighten(&mut self, after: &ActiveSet, time: f64, y: &mut [f64]) -> Result<(), SimError> {
+        let lasting = std::mem::take(&mut self.active.lasting);
         let mut found = std::mem::take(&mut self.assembled);
         let assembled = self.assemble((time, y), &lasting, Detail::ROWS, &mut found);
         let (q, qd) = self.split(y);
@@ -193,7 +194,7 @@ impl<A: Space> Motion<'_, A> {
         }
         let mut responses = Rows::new(nv);
         let responded = view.respond(&across, &mut responses);
-        (self.lasting, self.assembled) = (lasting, found);
+        (self.active.lasting, self.assembled) = (lasting, found);
         assembled?;
         responded?;
         let Assembled { constraints, responses: held, .. } = &self.assembled;
@@ -227,10 +228,10 @@ impl<A: Space> Motion<'_, A> {
     pub fn moves_back(&mut self, time: f64, y: &[f64]) -> Result<bool, SimError> {
         let ((q, qd), sim) = (self.split(y), self.sim);
         let back = |joint: &DryJoint| matches!(joint.state, Dry::Brakes(direction) if qd[joint.v] * direction < 0.0);
-        if self.dry.iter().any(back) {
+        if self.active.dry.iter().any(back) {
             return Ok(true);
         }
-        let lasting = std::mem::take(&mut self.lasting);
+        let lasting = std::mem::take(&mut self.active.lasting);
         let view = self.view(q)?;
         let moves_back = |own: &Lasting| -> Result<bool, SimError> {
             let Hold::Slides { toward } = own.hold else { return Ok(false) };
@@ -239,7 +240,7 @@ impl<A: Space> Motion<'_, A> {
             Ok(touch.u(&place, &view, qd, time)?.dot(&toward) < 0.0)
         };
         let found = lasting.iter().map(moves_back).find(|it| !matches!(it, Ok(false)));
-        self.lasting = lasting;
+        self.active.lasting = lasting;
         found.unwrap_or(Ok(false))
     }
 

@@ -1,12 +1,13 @@
 //! The smooth motion of a chain in one contact mode. Its constraints are in `held.rs`, its witness functions in
-//! `run/watch.rs`.
+//! `run/guard.rs`.
 //!
 //! State vectors are (q, qd, work of the drive, work of dissipative forces): the terms of the energy balance are integrated
 //! with the motion. The deflections of the bristles (world, m) of compliant contacts that have one are appended.
 
+use super::active_set::ActiveSet;
 use super::assembled::{Assembled, ConstraintForces};
 use super::groups::{Gaps, Near};
-use super::lasting::{Dry, DryJoint, Hold, Lasting};
+use super::lasting::{Dry, Hold, Lasting};
 use super::scale::Scale;
 use crate::contact::{ContactMode, Moving, Touch};
 use crate::error::SimError;
@@ -20,21 +21,11 @@ pub(crate) struct Motion<'a, A: Space> {
     pub sim: &'a Simulation,
     pub model: &'a A::Model,
     pub workspace: Workspace<A>,
-    /// The closed contacts.
-    pub lasting: Vec<Lasting>,
-    /// Whether the motion is computed by time steps.
-    pub stepping: bool,
-    /// Joints with dry friction.
-    pub dry: Vec<DryJoint>,
+    pub active: ActiveSet,
     /// The touches with a bristle, in the order of their deflections in the state.
     pub bristles: Vec<usize>,
-    /// The units of the scene, and the largest velocity at the start of the leg, m/s.
+    /// The units of the scene.
     pub scale: Scale,
-    pub speed: f64,
-    /// Impacts so far, by touch.
-    impacts: Vec<usize>,
-    /// For each number of qd whether an impact has hit its robot.
-    was_hit: Vec<bool>,
     pub gaps: Gaps<'a, A>,
     /// The motions of the surfaces that move, one for each of their touches.
     pub moving: Vec<&'a Moving>,
@@ -65,71 +56,16 @@ pub(crate) struct Motion<'a, A: Space> {
     pub redundant: bool,
 }
 
-/// What a motion remembers beside its state: closed contacts, joints held by dry friction, impacts so far.
-#[derive(Debug, Clone)]
-pub(crate) struct Kept {
-    lasting: Vec<Lasting>,
-    stepping: bool,
-    dry: Vec<DryJoint>,
-    impacts: Vec<usize>,
-    was_hit: Vec<bool>,
-    speed: f64,
-}
-
-impl Kept {
-    /// Whether a contact sticks.
-    pub fn sticks(&self, touch: usize) -> bool {
-        self.lasting.iter().any(|own| own.touch == touch && own.hold == Hold::Sticks)
-    }
-
-    /// Whether both have the same contacts in the same modes.
-    pub fn is_alike(&self, other: &Self) -> bool {
-        let same = |(own, other): (&Lasting, &Lasting)| {
-            let (own, other) = (own.mode(), other.mode());
-            own.touch() == other.touch() && std::mem::discriminant(&own) == std::mem::discriminant(&other)
-        };
-        let contacts = self.lasting.len() == other.lasting.len() && self.lasting.iter().zip(&other.lasting).all(same);
-        let joints = self.dry.iter().zip(&other.dry).all(|(own, other)| own.state == other.state);
-        contacts && joints && self.stepping == other.stepping
-    }
-
-    /// Whether both are of simulations with the same number of touches.
-    pub fn fits(&self, other: &Self) -> bool {
-        self.impacts.len() == other.impacts.len()
-    }
-
-    /// The contact mode, in one word.
-    pub fn mode(&self) -> ContactMode {
-        mode(&self.lasting, self.stepping)
-    }
-}
-
-fn mode(lasting: &[Lasting], stepping: bool) -> ContactMode {
-    match lasting {
-        _ if stepping => ContactMode::Stepping,
-        [] => ContactMode::Free,
-        [only] => only.mode(),
-        _ => ContactMode::Several,
-    }
-}
-
 impl<'a, A: Space> Motion<'a, A> {
     /// Free motion of a simulation's chain.
     pub fn new(sim: &'a Simulation, model: &'a A::Model) -> Self {
-        let rough = sim.friction().into_iter().enumerate().filter(|(_, friction)| *friction > 0.0);
-        let dry = rough.map(|(v, friction)| DryJoint { v, friction, state: Dry::Holds }).collect();
         Self {
             sim,
             model,
             workspace: A::chain(model).workspace(),
-            lasting: Vec::new(),
-            stepping: false,
-            dry,
+            active: ActiveSet::new(sim),
             bristles: bristles(sim),
             scale: Scale::new(sim),
-            speed: 0.0,
-            impacts: vec![0; sim.touches.len()],
-            was_hit: vec![false; sim.chain.nv()],
             gaps: Gaps::new(sim, model),
             moving: sim.touches.iter().filter_map(|touch| touch.motion.as_ref()).collect(),
             other_mode: None,
@@ -149,8 +85,7 @@ impl<'a, A: Space> Motion<'a, A> {
     }
 
     pub fn split<'y>(&self, y: &'y [f64]) -> (&'y [f64], &'y [f64]) {
-        let (nq, nv) = (self.sim.chain.nq(), self.sim.chain.nv());
-        (&y[..nq], &y[nq..nq + nv])
+        self.sim.split(y)
     }
 
     pub fn view(&mut self, q: &[f64]) -> Result<View<'_, A>, SimError> {
@@ -219,7 +154,7 @@ impl<'a, A: Space> Motion<'a, A> {
             chain: &sim.chain,
             time,
             gravity: sim.gravity,
-            hit: &self.was_hit,
+            hit: &self.active.was_hit,
             motors: &self.motors,
             limits: &self.limits,
             damping: &self.damping,
@@ -250,7 +185,7 @@ impl<'a, A: Space> Motion<'a, A> {
             tau[spring.v] += spring.force(q[spring.q], v);
             power -= spring.damping * v * v;
         }
-        for joint in &self.dry {
+        for joint in &self.active.dry {
             if let Dry::Brakes(direction) = joint.state {
                 tau[joint.v] -= joint.friction * direction;
                 power -= joint.friction * direction * qd[joint.v];
@@ -259,61 +194,20 @@ impl<'a, A: Space> Motion<'a, A> {
         power
     }
 
-    /// What the motion remembers.
-    pub fn kept(&self) -> Kept {
-        let Self { lasting, stepping, dry, impacts, was_hit, speed, .. } = self;
-        Kept {
-            lasting: lasting.clone(),
-            stepping: *stepping,
-            dry: dry.clone(),
-            impacts: impacts.clone(),
-            was_hit: was_hit.clone(),
-            speed: *speed,
-        }
-    }
-
-    /// Remembers what another motion of the same simulation did.
-    pub fn keep(&mut self, kept: Kept) {
-        let Kept { lasting, stepping, dry, impacts, was_hit, speed } = kept;
-        (self.lasting, self.stepping, self.dry) = (lasting, stepping, dry);
-        (self.impacts, self.was_hit, self.speed) = (impacts, was_hit, speed);
-    }
-
-    /// Counts an impact of a touch.
-    pub fn count_impact(&mut self, touch: usize) {
-        self.impacts[touch] += 1;
-        if self.sim.chain.members().is_empty() {
-            self.was_hit.fill(true);
-        } else {
-            let hit = self.sim.touches[touch].robots(&self.sim.chain);
-            hit.for_each(|robot| self.was_hit[robot.v.clone()].fill(true));
-        }
-    }
-
-    /// Impacts of a touch so far.
-    pub fn impacts(&self, touch: usize) -> usize {
-        self.impacts[touch]
-    }
-
     /// The present drive.
     fn drive(&self) -> &'a Drive {
-        let after = if self.was_hit.contains(&true) { self.sim.after_impact.as_ref() } else { None };
+        let after = if self.active.was_hit.contains(&true) { self.sim.after_impact.as_ref() } else { None };
         after.unwrap_or(&self.sim.drive)
-    }
-
-    /// The contact mode, in one word.
-    pub fn mode(&self) -> ContactMode {
-        mode(&self.lasting, self.stepping)
     }
 
     /// Whether a touch is among the lasting contacts.
     pub fn lasts(&self, touch: usize) -> bool {
-        self.lasting.iter().any(|own| own.touch == touch)
+        self.active.lasting.iter().any(|own| own.touch == touch)
     }
 
     /// Whether there are neither constraints nor contact forces.
     pub fn moves_freely(&self) -> bool {
-        self.lasting.is_empty() && !self.dry.iter().any(|joint| joint.state == Dry::Holds)
+        self.active.lasting.is_empty() && !self.active.dry.iter().any(|joint| joint.state == Dry::Holds)
     }
 
     /// q̈ of a [free motion](Self::moves_freely), and the powers of the drive and of the dissipative forces: the result of
@@ -355,7 +249,7 @@ impl<'a, A: Space> Motion<'a, A> {
         if let Some(held) = held {
             qdd.copy_from_slice(held.qdd.as_slice());
             power.copy_from_slice(&held.power);
-            for (own, force) in self.lasting.iter().zip(&held.contacts) {
+            for (own, force) in self.active.lasting.iter().zip(&held.contacts) {
                 if let Some(slot) = self.bristles.iter().position(|&k| k == own.touch) {
                     bends[3 * slot..3 * slot + 3].copy_from_slice(force.bends.as_slice());
                 }
@@ -380,15 +274,17 @@ impl<'a, A: Space> Motion<'a, A> {
     }
 
     /// Gap and gap rate of a touch at one state.
-    pub fn gap(&mut self, touch: usize, q: &[f64], qd: &[f64], time: f64) -> Result<(f64, f64), SimError> {
+    pub fn gap(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<(f64, f64), SimError> {
+        let (q, qd) = self.sim.split(y);
         let view = View::<A>::new(self.model, &mut self.workspace, q)?;
         self.gaps.look(touch, &view, (q, qd), time)
     }
 
     /// Gaps and gap rates of all touches that are near at one state: see [`Gaps::all`].
-    pub fn all_gaps(&mut self, q: &[f64], qd: &[f64], time: f64) -> Result<Vec<Near>, SimError> {
+    pub fn all_gaps(&mut self, time: f64, y: &[f64]) -> Result<Vec<Near>, SimError> {
+        let (q, qd) = self.sim.split(y);
         let view = View::<A>::new(self.model, &mut self.workspace, q)?;
-        self.gaps.all(&self.lasting, &view, (q, qd), time)
+        self.gaps.all(&self.active.lasting, &view, (q, qd), time)
     }
 
     /// Gap, its rate and the velocity of the contact point relative to the surface at one state.

@@ -76,7 +76,7 @@ impl<A: Space> Motion<'_, A> {
             let open = own.is_rigid() && rigid.next().unwrap_or_default();
             if open { Flags::NON_UNIQUE } else { Flags::NONE }
         };
-        self.lasting.iter().map(flag).collect()
+        self.active.lasting.iter().map(flag).collect()
     }
 
     /// The touches whose forces leave the motion open in the present mode, with the reason.
@@ -84,7 +84,7 @@ impl<A: Space> Motion<'_, A> {
         if let Some(touches) = &self.other_mode {
             return Ok(Some((NonUnique::Modes, touches.clone())));
         }
-        if self.lasting.iter().filter(|own| own.is_rigid()).count() < 2 {
+        if self.active.lasting.iter().filter(|own| own.is_rigid()).count() < 2 {
             return Ok(None);
         }
         match self.accelerations(time, y) {
@@ -92,7 +92,7 @@ impl<A: Space> Motion<'_, A> {
             held => held?,
         };
         let flags = self.flags();
-        let open = self.lasting.iter().zip(&flags).filter(|(_, flags)| flags.contains(Flags::NON_UNIQUE));
+        let open = self.active.lasting.iter().zip(&flags).filter(|(_, flags)| flags.contains(Flags::NON_UNIQUE));
         let touches: Vec<usize> = open.map(|(own, _)| own.touch).collect();
         Ok((!touches.is_empty()).then_some((NonUnique::Distribution, touches)))
     }

@@ -33,7 +33,7 @@ impl<A: Space> Motion<'_, A> {
     pub fn measure(&mut self, time: f64, y: &[f64]) {
         let surfaces = self.moving.iter().map(|motion| motion.speed(time)).fold(0.0, f64::max);
         let (q, qd) = self.split(y);
-        self.speed = self.scale.fastest(qd).max(surfaces);
+        self.active.speed = self.scale.fastest(qd).max(surfaces);
         self.scale.measure(q);
     }
 
@@ -42,7 +42,7 @@ impl<A: Space> Motion<'_, A> {
     /// would have to resolve it.
     pub fn noise(&self) -> f64 {
         let tolerance = self.sim.tolerance;
-        NOISE * (tolerance.max(CLEAR) * self.speed).max(tolerance * self.scale.length * self.scale.pace)
+        NOISE * (tolerance.max(CLEAR) * self.active.speed).max(tolerance * self.scale.length * self.scale.pace)
     }
 
     /// Velocities below this count as zero, m/s.

@@ -45,7 +45,7 @@ impl<A: Space> Run<'_, '_, A> {
         let (q, qd) = self.q_qd();
         let here = self.motion.regularity(&q)?;
         let speed = self.motion.scale.fastest(&qd) / self.motion.scale.length;
-        if speed == 0.0 || self.motion.lasting.iter().any(Lasting::is_rigid) {
+        if speed == 0.0 || self.motion.active.lasting.iter().any(Lasting::is_rigid) {
             return Err(failed);
         }
         // The rate of the regularity, from a moment before.
@@ -73,7 +73,7 @@ impl<A: Space> Run<'_, '_, A> {
         for k in 0..NODES {
             let node = Leap::node(from, past, k);
             // A motion that comes to rest at the pose grows without bound backwards.
-            let Ok(earlier) = pass(&mut flow, (time, &y), node, accuracy, &mut self.statistics) else {
+            let Ok(earlier) = pass(&mut flow, (time, &y), node, accuracy, &mut self.history.statistics) else {
                 return Err(failed);
             };
             (time, y) = (node, earlier);
@@ -100,10 +100,10 @@ impl<A: Space> Run<'_, '_, A> {
             if !clear || change.abs() > CLEAR * leap.energy.abs().max(leap.kinetic) {
                 return Err(SimError::Branch { time: leap.from });
             }
-            self.lost += change;
+            self.history.lost += change;
         }
         self.sampler.stretch((start, self.time, Segment::POINTS), |time| leap.at(time), |_, _| Vec::new());
-        self.leap = Some(leap).filter(|_| !ends);
+        self.history.leap = Some(leap).filter(|_| !ends);
         Ok(())
     }
 

@@ -3,10 +3,10 @@
 
 use super::guard::Ending;
 use super::guard::{Guard, GuardValue, Is, look};
-use super::memory::Memory;
+use super::history::History;
 use super::run_state::Run;
 use crate::error::SimError;
-use crate::motion::Kept;
+use crate::motion::ActiveSet;
 use crate::state::Space;
 use nalgebra::DVector;
 
@@ -25,8 +25,8 @@ pub(crate) struct Before {
     pub rate: f64,
     /// Of a gap the displacement that increases it by 1, of least size.
     pub normal: Option<DVector<f64>>,
-    pub kept: Kept,
-    pub memory: Memory,
+    pub active: ActiveSet,
+    pub history: History,
 }
 
 /// What an event has led to.
@@ -35,7 +35,7 @@ pub(crate) struct After {
     pub x: DVector<f64>,
     /// f⁺.
     pub f: DVector<f64>,
-    pub kept: Kept,
+    pub active: ActiveSet,
 }
 
 /// A guard.
@@ -92,11 +92,11 @@ pub(crate) fn normal<A: Space>(
 pub(crate) fn outcome<A: Space>(
     run: &mut Run<A>,
     before: &Before,
-    after: &Kept,
+    after: &ActiveSet,
     (mut time, x): (f64, &[f64]),
     end: f64,
 ) -> Result<(DVector<f64>, f64), SimError> {
-    run.motion.keep(before.kept.clone());
+    run.motion.active = before.active.clone();
     let mut y = run.y_of(x);
     let remembered = &x[y.len() - 2..];
     run.motion.sim.normalise(&mut y);
@@ -118,14 +118,14 @@ pub(crate) fn outcome<A: Space>(
         }
         if matches!(guard.is(), Is::Slip { .. }) {
             run.motion.straighten(after, time, &mut y)?;
-            run.motion.keep(after.clone());
+            run.motion.active = after.clone();
             run.motion.settle(time, &mut y)?;
-            run.motion.keep(before.kept.clone());
+            run.motion.active = before.active.clone();
         }
         run.y_of(x); // what compliant contacts remember is not moved
     }
     (run.time, run.y, run.end) = (time, y, end);
-    run.memory.clone_from(&before.memory);
+    run.history.clone_from(&before.history);
     run.act(before.ending)?;
     Ok((DVector::from_vec(run.x()), run.time))
 }

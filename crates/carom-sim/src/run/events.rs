@@ -69,12 +69,12 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     pub fn leg(&mut self) -> Result<Ending, SimError> {
         let sim = self.motion.sim;
         let Simulation { tolerance, max_step, integrator, .. } = *sim;
-        let rigid = self.motion.lasting.iter().any(Lasting::is_rigid);
-        let presses = self.motion.lasting.iter().any(|own| !own.is_rigid());
+        let rigid = self.motion.active.lasting.iter().any(Lasting::is_rigid);
+        let presses = self.motion.active.lasting.iter().any(|own| !own.is_rigid());
         let patience = (rigid || presses).then_some(PATIENCE);
-        let implicit = std::mem::take(&mut self.memory.implicit).filter(|_| rigid && !presses);
+        let implicit = std::mem::take(&mut self.history.implicit).filter(|_| rigid && !presses);
         let integrator = if implicit.is_some() { Integrator::Radau } else { integrator };
-        let (first_step, short) = (self.memory.step, self.memory.short);
+        let (first_step, short) = (self.history.step, self.history.short);
         let mut accuracy = Accuracy { tolerance, max_step, integrator, patience, first_step, short };
         let kink = sim.next_kink(&self.motion.moving, self.time);
         let mut until = kink.min(self.end).min(self.time + implicit.unwrap_or(f64::INFINITY));
@@ -89,7 +89,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             Err(SimError::Jam { .. }) => return Ok(Ending::Stuck(StepReason::NoMode)),
             flow => flow?,
         };
-        if std::mem::take(&mut self.memory.slip_goes_on) || self.memory.follows_slips {
+        if std::mem::take(&mut self.history.slip_goes_on) || self.history.follows_slips {
             flow.guards.retain(|guard| *guard != Guard::SlipEnds);
         }
         let turns = match (rigid, presses) {
@@ -99,7 +99,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         };
         let (mut next, mut turn) = (implicit.map(|span| LONGER * span), 0);
         let LegEnd { time, y, fired, stalled, step, short } = loop {
-            match leg(&mut flow, self.time, &self.y, until, accuracy, &mut self.statistics, &mut self.sampler) {
+            match leg(&mut flow, self.time, &self.y, until, accuracy, &mut self.history.statistics, &mut self.sampler) {
                 Err(SimError::Chain(_)) if accuracy.first_step.is_some() => accuracy.first_step = None,
                 Err(SimError::Jam { time: jam, .. }) => {
                     let earlier = self.time + (0.125 * (until - self.time)).min(0.5 * (jam - self.time));
@@ -126,12 +126,12 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 done => break done?,
             }
         };
-        self.memory.step = step.filter(|_| rigid && accuracy.integrator == Integrator::DormandPrince);
-        if matches!(self.memory.open, Some((NonUnique::Distribution, _))) {
-            self.statistics.non_unique_time += time - start;
+        self.history.step = step.filter(|_| rigid && accuracy.integrator == Integrator::DormandPrince);
+        if matches!(self.history.open, Some((NonUnique::Distribution, _))) {
+            self.history.statistics.non_unique_time += time - start;
         }
-        (self.time, self.memory.short) = (time, short);
-        self.memory.implicit = next.filter(|_| fired.is_none() && stalled.is_none() && !presses);
+        (self.time, self.history.short) = (time, short);
+        self.history.implicit = next.filter(|_| fired.is_none() && stalled.is_none() && !presses);
         let ending = match (fired, stalled) {
             (_, Some(_)) if rigid => Ending::Stuck(StepReason::Stiff),
             (_, Some(reason)) => return Err(SimError::Integration { time, reason }),
@@ -154,11 +154,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             }
             Ending::Stuck(reason) => {
                 // Several slips that end together turn before the first of them is zero: those below the error have ended.
-                let (before, events) = (self.y.clone(), self.memory.events);
+                let (before, events) = (self.y.clone(), self.history.events);
                 if reason == StepReason::Stiff {
                     self.resettle(None, &[], &before)?;
                 }
-                if self.memory.events == events { self.no_mode(reason) } else { Ok(()) }
+                if self.history.events == events { self.no_mode(reason) } else { Ok(()) }
             }
         }
     }
@@ -175,14 +175,12 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// Gap and gap rate of a touch now.
     pub fn gap(&mut self, touch: usize) -> Result<(f64, f64), SimError> {
-        let (q, qd) = self.q_qd();
-        self.motion.gap(touch, &q, &qd, self.time)
+        self.motion.gap(touch, self.time, &self.y)
     }
 
     /// Gaps and gap rates of all touches now that are near: see [`Gaps::all`](crate::motion::Gaps::all).
     pub fn gaps(&mut self) -> Result<Vec<Near>, SimError> {
-        let (q, qd) = self.q_qd();
-        self.motion.all_gaps(&q, &qd, self.time)
+        self.motion.all_gaps(self.time, &self.y)
     }
 
     /// The contacts and the mode at the start.
@@ -200,7 +198,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 let touch = &sim.touches[touch];
                 return Err(SimError::Overlap { touch: touch.name.clone(), depth: -gap, unit: unit(sim, touch) });
             } else if gap <= self.motion.scale.touching(touch) {
-                if rate < -ROUNDING * self.motion.speed * self.motion.scale.per_touch[touch] {
+                if rate < -ROUNDING * self.motion.active.speed * self.motion.scale.per_touch[touch] {
                     hits.push(touch);
                 } else if rate <= self.motion.rest_of(touch) {
                     rests.push(touch);
@@ -224,7 +222,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let (q, qd_plus) = self.q_qd();
         let qd_minus = self.motion.split(before).1.to_vec();
         (self.sampler.watch)(Seen::Event(&Event { time: self.time, kind, q, qd_minus, qd_plus, impulses }));
-        self.memory.events += 1;
+        self.history.events += 1;
     }
 }
 

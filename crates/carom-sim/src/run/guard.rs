@@ -2,14 +2,14 @@
 //! modes have it ([`Guard::of_mode`]), what else it is ([`Guard::is`]), its value ([`Guard::at`]), and what follows its zero
 //! ([`Run::guard_fired`]).
 
+use super::history::Class;
 use super::leap::LEAST;
-use super::memory::Class;
 use super::run_state::Run;
 use super::trajectory::{EventKind, StepReason};
 use crate::contact::{Passing, Placed};
 use crate::error::SimError;
 use crate::model::Simulation;
-use crate::motion::{ConstraintForces, Dry, DryJoint, Gaps, Hold, Lasting, Motion, Scale};
+use crate::motion::{ActiveSet, ConstraintForces, Dry, DryJoint, Gaps, Hold, Lasting, Motion, Scale};
 use crate::state::{EQUAL, Space, View};
 use carom_contact::Met;
 
@@ -123,11 +123,11 @@ impl GuardValue {
 impl Guard {
     /// The guards of the present mode.
     pub fn of_mode<A: Space>(motion: &Motion<A>) -> Vec<Self> {
-        let watched = motion.gaps.to_watch(&motion.lasting);
+        let watched = motion.gaps.to_watch(&motion.active.lasting);
         let mut guards: Vec<Self> = watched.single.into_iter().map(Self::Gap).collect();
         guards.extend(watched.groups.into_iter().map(Self::Pair));
         guards.extend(watched.rests.into_iter().map(Self::Rest));
-        for (i, own) in motion.lasting.iter().enumerate() {
+        for (i, own) in motion.active.lasting.iter().enumerate() {
             let touch = &motion.sim.touches[own.touch];
             if touch.ends() {
                 guards.push(Self::Leaves(i));
@@ -152,7 +152,7 @@ impl Guard {
                 }
             }
         }
-        guards.extend(motion.dry.iter().enumerate().map(|(k, joint)| match joint.state {
+        guards.extend(motion.active.dry.iter().enumerate().map(|(k, joint)| match joint.state {
             Dry::Holds => Self::JointBreaksLoose(k),
             Dry::Brakes(_) => Self::JointStops(k),
         }));
@@ -188,10 +188,10 @@ impl Guard {
             Self::NormalForce(i) if alone => held.contacts[i].normal_force >= 0.0,
             Self::NormalForce(i) => held.contacts[i].normal_force > 0.0,
             Self::Cone(i) => {
-                let mu = motion.sim.touches[motion.lasting[i].touch].contact.law.friction();
+                let mu = motion.sim.touches[motion.active.lasting[i].touch].contact.law.friction();
                 held.contacts[i].cone(mu) >= EQUAL * held.contacts[i].normal_force
             }
-            Self::JointBreaksLoose(k) => held.joints[k].abs() <= (1.0 - EQUAL) * motion.dry[k].friction,
+            Self::JointBreaksLoose(k) => held.joints[k].abs() <= (1.0 - EQUAL) * motion.active.dry[k].friction,
             _ => true,
         }
     }
@@ -213,17 +213,7 @@ pub(crate) fn look<A: Space>(
     let (noise, starts) = (motion.noise(), motion.starts());
     let (q, qd) = motion.split(y);
     let regular = if guards.contains(&Guard::Branches) { motion.regularity(q)? - LEAST } else { 0.0 };
-    let now = Now {
-        regular,
-        lasting: &motion.lasting,
-        dry: &motion.dry,
-        held,
-        admissible,
-        slip_left,
-        noise,
-        starts,
-        scale: &motion.scale,
-    };
+    let now = Now { regular, active: &motion.active, held, admissible, slip_left, noise, starts, scale: &motion.scale };
     let view = View::new(motion.model, &mut motion.workspace, q)?;
     let mut last = None;
     for guard in guards {
@@ -232,7 +222,7 @@ pub(crate) fn look<A: Space>(
     Ok(())
 }
 
-/// How the bodies of each watched gap move past each other at a state; `None` for other value_ofes and for contacts of parts.
+/// How the bodies of each watched gap move past each other at a state; `None` for other guards and for contacts of parts.
 pub(crate) fn passing<A: Space>(
     motion: &mut Motion<A>,
     guards: &[Guard],
@@ -249,9 +239,9 @@ pub(crate) fn passing<A: Space>(
     }
     let (q, qd) = motion.split(y);
     let view = View::new(motion.model, &mut motion.workspace, q)?;
-    for (touch, value_of) in guards.iter().map(of_bodies).zip(out) {
+    for (touch, found) in guards.iter().map(of_bodies).zip(out) {
         if let Some(touch) = touch {
-            value_of.passing = motion.gaps.passing(touch, &view, qd, time)?;
+            found.passing = motion.gaps.passing(touch, &view, qd, time)?;
         }
     }
     Ok(())
@@ -261,9 +251,8 @@ pub(crate) fn passing<A: Space>(
 struct Now<'a> {
     /// Computed if it is watched.
     regular: f64,
-    lasting: &'a [Lasting],
-    dry: &'a [DryJoint],
-    /// Computed if a value_of needs constraint forces.
+    active: &'a ActiveSet,
+    /// Computed if a guard needs constraint forces.
     held: Option<&'a ConstraintForces>,
     /// Computed if it is watched.
     admissible: f64,
@@ -290,34 +279,36 @@ impl Guard {
         let look = |touch: usize| gaps.look(touch, view, (q, qd), time);
         Ok(match (self, now.held) {
             (Self::Rest(group), _) => {
-                GuardValue::gap(gaps.rest(group, now.lasting, view, qd, time)?, now.scale.rounding())
+                GuardValue::gap(gaps.rest(group, &now.active.lasting, view, qd, time)?, now.scale.rounding())
             }
             (Self::Gap(touch), _) => {
                 GuardValue::gap(gaps.own(touch, view, (q, qd), time, last)?, now.scale.hysteresis(touch))
             }
             (Self::Pair(group), _) => GuardValue::gap(gaps.of_group(group, view, (q, qd), time)?, now.scale.rounding()),
             (Self::Leaves(i), _) => {
-                let at = sim.touches[now.lasting[i].touch].at(view, q, time);
+                let at = sim.touches[now.active.lasting[i].touch].at(view, q, time);
                 GuardValue::velocity(at.margin, Met::OUTSIDE)
             }
             (Self::Depth(i), _) => {
-                let (gap, rate) = look(now.lasting[i].touch)?;
+                let (gap, rate) = look(now.active.lasting[i].touch)?;
                 GuardValue::gap((-gap, -rate), now.scale.rounding())
             }
             (Self::Turns(i), _) => {
                 // Where several contacts turn at one time, the others have a rate of rounding at the start of the next leg: they fire by
                 // the band.
-                let (_, rate) = look(now.lasting[i].touch)?;
+                let (_, rate) = look(now.active.lasting[i].touch)?;
                 GuardValue::velocity(-rate, now.noise)
             }
             (Self::Deepens(i), _) => {
-                let (gap, rate) = look(now.lasting[i].touch)?;
-                let Hold::Presses { deepest, .. } = now.lasting[i].hold else { return Ok(GuardValue::default()) };
+                let (gap, rate) = look(now.active.lasting[i].touch)?;
+                let Hold::Presses { deepest, .. } = now.active.lasting[i].hold else {
+                    return Ok(GuardValue::default());
+                };
                 GuardValue::gap((deepest + gap, rate), now.scale.rounding())
             }
             (Self::SlipStops(i), _) => {
-                let touch = &sim.touches[now.lasting[i].touch];
-                let (Hold::Slides { toward } | Hold::Starts { toward }) = now.lasting[i].hold else {
+                let touch = &sim.touches[now.active.lasting[i].touch];
+                let (Hold::Slides { toward } | Hold::Starts { toward }) = now.active.lasting[i].hold else {
                     return Ok(GuardValue::default());
                 };
                 let place = touch.at(view, q, time).surface;
@@ -325,12 +316,12 @@ impl Guard {
                 GuardValue::velocity(u.dot(&toward), now.noise)
             }
             (Self::SlipGrows(i), _) => {
-                let touch = &sim.touches[now.lasting[i].touch];
+                let touch = &sim.touches[now.active.lasting[i].touch];
                 let slip = touch.slip(&touch.at(view, q, time), view, qd, time)?;
                 GuardValue::bound(now.starts - slip.unwrap_or_default())
             }
             (Self::JointStops(k), Some(held)) => {
-                let DryJoint { v, state, .. } = now.dry[k];
+                let DryJoint { v, state, .. } = now.active.dry[k];
                 let Dry::Brakes(direction) = state else { return Ok(GuardValue::default()) };
                 // With its rate the time is exact: near a dead point of a loop a velocity that is almost zero is not one that can be stopped.
                 let rate = Some(held.qdd[v] * direction);
@@ -341,11 +332,13 @@ impl Guard {
             (Self::Admissible, _) => GuardValue::margin(now.admissible),
             (Self::NormalForce(i), Some(held)) => GuardValue::margin(held.contacts[i].normal_force),
             (Self::Cone(i), Some(held)) => {
-                let mu = sim.touches[now.lasting[i].touch].contact.law.friction();
+                let mu = sim.touches[now.active.lasting[i].touch].contact.law.friction();
                 GuardValue::margin(held.contacts[i].cone(mu))
             }
-            (Self::JointBreaksLoose(k), Some(held)) => GuardValue::margin(now.dry[k].friction - held.joints[k].abs()),
-            (_, None) => unreachable!("constraint forces are computed for these value_ofes"),
+            (Self::JointBreaksLoose(k), Some(held)) => {
+                GuardValue::margin(now.active.dry[k].friction - held.joints[k].abs())
+            }
+            (_, None) => unreachable!("constraint forces are computed for these guards"),
         })
     }
 }
@@ -353,7 +346,7 @@ impl Guard {
 impl<A: Space> Run<'_, '_, A> {
     /// What follows the zero of a guard.
     pub fn guard_fired(&mut self, guard: Guard) -> Result<(), SimError> {
-        if self.memory.is_crowded(self.time, guard.is() == Is::Gap, self.motion.sim) {
+        if self.history.is_crowded(self.time, guard.is() == Is::Gap, self.motion.sim) {
             return self.step_on(StepReason::Crowd);
         }
         let before = self.y.clone();
@@ -367,23 +360,23 @@ impl<A: Space> Run<'_, '_, A> {
                 return least.map_or(Ok(()), |&(touch, _)| self.touch(touch));
             }
             Guard::Leaves(i) => {
-                let touch = self.motion.lasting.remove(i).touch;
+                let touch = self.motion.active.lasting.remove(i).touch;
                 self.note(EventKind::LiftOff { touch }, &before, Vec::new());
                 return self.leave(touch, &before);
             }
             Guard::Depth(i) => {
-                let own = self.motion.lasting.remove(i);
+                let own = self.motion.active.lasting.remove(i);
                 self.note(EventKind::LiftOff { touch: own.touch }, &before, Vec::new());
             }
             Guard::Turns(i) => {
-                let (gap, _) = self.gap(self.motion.lasting[i].touch)?;
-                if let Hold::Presses { deepest, .. } = &mut self.motion.lasting[i].hold {
+                let (gap, _) = self.gap(self.motion.active.lasting[i].touch)?;
+                if let Hold::Presses { deepest, .. } = &mut self.motion.active.lasting[i].hold {
                     *deepest = -gap;
                 }
                 return Ok(());
             }
             Guard::Deepens(i) => {
-                if let Hold::Presses { deepest, .. } = &mut self.motion.lasting[i].hold {
+                if let Hold::Presses { deepest, .. } = &mut self.motion.active.lasting[i].hold {
                     *deepest = f64::NEG_INFINITY;
                 }
                 return Ok(());
@@ -391,14 +384,14 @@ impl<A: Space> Run<'_, '_, A> {
             Guard::SlipGrows(_) => return self.motion.started(self.time, &before),
             Guard::SlipStops(i) => {
                 self.motion.follow_slip(self.time, &before)?;
-                let touch = self.motion.lasting[i].touch;
+                let touch = self.motion.active.lasting[i].touch;
                 if let Some(toward) = self.motion.candidate(touch, self.time, &before)?.slip {
-                    self.motion.lasting[i].hold = Hold::Slides { toward }; // its direction has turned by 90°
+                    self.motion.active.lasting[i].hold = Hold::Slides { toward }; // its direction has turned by 90°
                     return Ok(());
                 }
             }
             Guard::JointStops(k) if self.motion.couplings.is_empty() => {
-                self.y[self.motion.sim.chain.nq() + self.motion.dry[k].v] = 0.0;
+                self.y[self.motion.sim.chain.nq() + self.motion.active.dry[k].v] = 0.0;
             }
             Guard::NormalForce(_)
             | Guard::Cone(_)
@@ -407,25 +400,27 @@ impl<A: Space> Run<'_, '_, A> {
             | Guard::Admissible
             | Guard::SlipEnds => {}
         }
-        let events = self.memory.events;
-        let (old, joints) = (self.motion.lasting.clone(), self.motion.dry.clone());
+        let events = self.history.events;
+        let (old, joints) = (self.motion.active.lasting.clone(), self.motion.active.dry.clone());
         self.resettle(None, &[], &before)?;
         // A contact that slides on in another direction, a joint that turns back: the mode has the same name as before.
-        if self.memory.events == events {
+        if self.history.events == events {
             match guard {
                 // A contact whose normal force is zero again within this time has none.
                 Guard::NormalForce(i) => {
-                    let since = self.memory.count(Class::NormalForce, self.time);
+                    let since = self.history.count(Class::NormalForce, self.time);
                     if since.is_some_and(|since| since <= self.motion.sim.zeno_time) {
                         self.resettle(Some(old[i].touch), &[], &before)?;
                     }
                 }
                 Guard::SlipStops(i) | Guard::Cone(i) => {
-                    if let Some(mode) = self.motion.lasting.get(i).map(Lasting::mode) {
+                    if let Some(mode) = self.motion.active.lasting.get(i).map(Lasting::mode) {
                         self.note(EventKind::Mode { mode }, &before, Vec::new());
                     }
                 }
-                Guard::JointStops(k) | Guard::JointBreaksLoose(k) if self.motion.dry[k].state != joints[k].state => {
+                Guard::JointStops(k) | Guard::JointBreaksLoose(k)
+                    if self.motion.active.dry[k].state != joints[k].state =>
+                {
                     self.note_joint(k, &before);
                 }
                 Guard::SlipEnds => self.slips_on(&old, &before),

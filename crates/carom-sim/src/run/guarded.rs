@@ -38,7 +38,7 @@ impl<'m, 'a, A: Space> Guarded<'m, 'a, A> {
         let mut guards = Guard::of_mode(motion);
         (motion.redundant, motion.margin_forces) = (false, None);
         let mut known = None;
-        if motion.lasting.iter().any(Lasting::is_rigid) {
+        if motion.active.lasting.iter().any(Lasting::is_rigid) {
             let held = motion.in_mode(time, y)?;
             let alone = motion.assembled.constraints.rows.len() == 1;
             if !guards.iter().all(|guard| guard.admits(motion, &held, alone)) {
@@ -47,7 +47,7 @@ impl<'m, 'a, A: Space> Guarded<'m, 'a, A> {
             }
             known = Some(Known { time, y: y.to_vec(), held, on_joints: true });
         }
-        let touching = motion.gaps.touching(&motion.lasting);
+        let touching = motion.gaps.touching(&motion.active.lasting);
         Ok(Self { motion, guards, latest: kink.next_down(), known, touching })
     }
 
@@ -132,7 +132,7 @@ impl<A: Space> Flow for Guarded<'_, '_, A> {
         let view = View::new(motion.model, &mut motion.workspace, q)?;
         let (mut least, mut turning) = (f64::INFINITY, 0.0_f64);
         for &group in &self.touching {
-            let [gap, turns] = motion.gaps.separated(group, &motion.lasting, &view, (qd, time), -slack)?;
+            let [gap, turns] = motion.gaps.separated(group, &motion.active.lasting, &view, (qd, time), -slack)?;
             (least, turning) = (least.min(slack + gap), turning.max(turns));
         }
         Ok([least, turning])

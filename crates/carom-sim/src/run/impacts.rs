@@ -13,7 +13,7 @@
 //!   [`LOWEST`]. For a pendulum that hits a wall at its lowest point a = 0: its impacts never accumulate, and all are computed.
 //! - u⁺ = 0: it lasts if the accelerations press it.
 
-use super::memory::Class;
+use super::history::Class;
 use super::run_state::Run;
 use super::trajectory::{EventKind, StepReason};
 use crate::contact::{Compliance, SeveralLaw, friction_bound};
@@ -50,7 +50,7 @@ impl<A: Space> Run<'_, '_, A> {
         let rest = self.motion.rest();
         let gaps = self.gaps()?;
         let approach = gaps.iter().find(|(k, _)| *k == touch).map_or(0.0, |(_, (_, rate))| *rate);
-        if approach >= -self.motion.still() && self.motion.gaps.is_beside(touch, &self.motion.lasting) {
+        if approach >= -self.motion.still() && self.motion.gaps.is_beside(touch, &self.motion.active.lasting) {
             // A crossing of edges that begins as a corner leaves its face: no impact, and no contact if it opens.
             let before = self.y.clone();
             let more = [touch];
@@ -68,7 +68,7 @@ impl<A: Space> Run<'_, '_, A> {
     /// surface. There the row of the normal is next to zero, and an impact would stop what moves along the surface.
     fn grazes(&mut self, touch: usize, approach: f64) -> Result<bool, SimError> {
         // No path of this curvature reaches deeper.
-        let (scale, speed) = (&self.motion.scale, self.motion.speed);
+        let (scale, speed) = (&self.motion.scale, self.motion.active.speed);
         let hysteresis = scale.hysteresis(touch);
         if approach * approach > 2.0 * hysteresis * speed * speed * scale.per_touch[touch] / scale.length {
             return Ok(false);
@@ -102,10 +102,10 @@ impl<A: Space> Run<'_, '_, A> {
         let one = &sim.touches[touch];
         let (q, qd) = self.q_qd();
         let here = one.at(&self.motion.view(&q)?, &q, self.time).margin;
-        if here > 2.0 * Met::OUTSIDE || self.motion.speed == 0.0 {
+        if here > 2.0 * Met::OUTSIDE || self.motion.active.speed == 0.0 {
             return Ok(false);
         }
-        let back = SHORT * self.motion.scale.length / self.motion.speed;
+        let back = SHORT * self.motion.scale.length / self.motion.active.speed;
         let earlier = sim.chain.integrate(&q, &qd, -back)?;
         Ok(one.at(&self.motion.view(&earlier)?, &earlier, self.time - back).margin > here)
     }
@@ -129,7 +129,7 @@ impl<A: Space> Run<'_, '_, A> {
             return self.step_on(StepReason::Face);
         }
         let lasting: Vec<usize> =
-            self.motion.lasting.iter().filter(|own| own.is_rigid()).map(|own| own.touch).collect();
+            self.motion.active.lasting.iter().filter(|own| own.is_rigid()).map(|own| own.touch).collect();
         match *rigid.as_slice() {
             [touch] if lasting.is_empty() && beside.is_empty() => self.impact(touch),
             [touch] if beside.is_empty() && self.impact_beside(touch)? => Ok(()),
@@ -147,11 +147,11 @@ impl<A: Space> Run<'_, '_, A> {
     /// Fast ones, of a light body between heavy ones, do where many are within a way of the size of a closed gap.
     fn swarm(&mut self, hits: &[usize]) -> Result<Option<Vec<usize>>, SimError> {
         let sim = self.motion.sim;
-        let since = self.memory.count(Class::Impact, self.time);
+        let since = self.history.count(Class::Impact, self.time);
         let Some(since) = since.filter(|since| *since <= sim.zeno_time) else {
             return Ok(None);
         };
-        let (way, scale) = (self.motion.speed * since, self.motion.scale.clone());
+        let (way, scale) = (self.motion.active.speed * since, self.motion.scale.clone());
         let fast = way <= (Class::Impact.many() - 1) as f64 * EQUAL * scale.length;
         let slow = SLOW * sim.gravity.norm().max(scale.acceleration()) * sim.zeno_time;
         let mut swarm = Vec::new();
@@ -190,12 +190,12 @@ impl<A: Space> Run<'_, '_, A> {
         let mass = self.motion.effective_mass(touch, &q, self.time)?;
         let depth = law.greatest_penetration(speed, mass);
         if sim.neglect.is_some_and(|share| depth <= share * self.motion.scale.reach) {
-            self.statistics.neglected_depth = self.statistics.neglected_depth.max(depth);
+            self.history.statistics.neglected_depth = self.history.statistics.neglected_depth.max(depth);
             return Ok(false);
         }
-        self.motion.count_impact(touch);
+        self.motion.active.count_impact(touch, self.motion.sim);
         let before = self.y.clone();
-        let old = self.motion.lasting.clone();
+        let old = self.motion.active.lasting.clone();
         self.press(touch, law.damping(speed, mass));
         self.note_changes(&old, &before);
         Ok(true)
@@ -218,7 +218,7 @@ impl<A: Space> Run<'_, '_, A> {
         if let Some(slot) = self.motion.bristles.iter().position(|&k| k == touch) {
             self.y[tail + 3 * slot..tail + 3 * slot + 3].fill(0.0); // no deflection of the bristle
         }
-        self.motion.lasting.push(Lasting { touch, hold: Hold::Presses { damping, deepest: f64::NEG_INFINITY } });
+        self.motion.active.lasting.push(Lasting { touch, hold: Hold::Presses { damping, deepest: f64::NEG_INFINITY } });
     }
 
     /// The impact of a single touch.
@@ -249,8 +249,8 @@ impl<A: Space> Run<'_, '_, A> {
                 // The bound holds for the laws of `carom-impact`.
                 if friction > 0.0 && !given.is_users() && sim.neglect.is_some_and(|share| bound <= share) {
                     law = &plain;
-                    self.statistics.neglected_frictions += 1;
-                    self.statistics.neglected_bound = self.statistics.neglected_bound.max(bound);
+                    self.history.statistics.neglected_frictions += 1;
+                    self.history.statistics.neglected_bound = self.history.statistics.neglected_bound.max(bound);
                 }
                 let hit = ChainImpact::of_outcome(problem.resolve(law)?, &axes, &response, &qd);
                 let qd_plus = hit.qd_plus.clone();
@@ -274,11 +274,11 @@ impl<A: Space> Run<'_, '_, A> {
     /// The impact at a latch: the velocity of the contact point relative to the surface becomes zero.
     fn latch(&mut self, touch: usize) -> Result<(), SimError> {
         let before = self.y.clone();
-        let old = self.motion.lasting.clone();
-        self.motion.lasting.push(Lasting { touch, hold: Hold::Latched });
+        let old = self.motion.active.lasting.clone();
+        self.motion.active.lasting.push(Lasting { touch, hold: Hold::Latched });
         self.motion.settle(self.time, &mut self.y)?;
         self.book(EventKind::Latch { touch }, &[touch], Vec::new(), &before)?;
-        self.motion.lasting = old;
+        self.motion.active.lasting = old;
         self.resettle(None, &[touch], &before)
     }
 
@@ -301,7 +301,7 @@ impl<A: Space> Run<'_, '_, A> {
         let hit = ChainImpact::of_outcome(outcome, &axes, &beside.response, &qd);
         let qd_plus: Vec<f64> = qd.iter().zip(jump.iter()).map(|(v, jump)| v + jump).collect();
         self.book_single((touch, beside.position), hit, &qd_plus, impulses)?;
-        let lasted = self.motion.lasting.iter().filter(|own| own.is_rigid());
+        let lasted = self.motion.active.lasting.iter().filter(|own| own.is_rigid());
         let mut struck: Vec<Struck> = lasted.map(|own| Struck { touch: own.touch, approach: 0.0 }).collect();
         struck.push(Struck { touch, approach });
         self.after(&struck, EXACT * approach.abs(), &before)?;
@@ -337,16 +337,16 @@ impl<A: Space> Run<'_, '_, A> {
         impulses: Vec<ContactImpulse>,
         before: &[f64],
     ) -> Result<(), SimError> {
-        hits.iter().for_each(|&touch| self.motion.count_impact(touch));
+        hits.iter().for_each(|&touch| self.motion.active.count_impact(touch, self.motion.sim));
         self.note(kind, before, impulses);
-        self.lost += self.motion.energy(before)? - self.motion.energy(&self.y)?;
+        self.history.lost += self.motion.energy(before)? - self.motion.energy(&self.y)?;
         Ok(())
     }
 
     /// What opens, lasts or accumulates after an impact. Separation velocities up to `slack` (m/s) count as zero.
     pub fn after(&mut self, struck: &[Struck], slack: f64, before: &[f64]) -> Result<(), SimError> {
         self.motion.end_starts(self.time, (before, &self.y))?;
-        let old = self.motion.lasting.clone();
+        let old = self.motion.active.lasting.clone();
         let (mut still, mut leaving) = (Vec::new(), Vec::new());
         for one in struck {
             let (_, rebound) = self.gap(one.touch)?;
@@ -355,7 +355,7 @@ impl<A: Space> Run<'_, '_, A> {
         if let Some(reason) = self.choose(&still)? {
             return self.no_mode(reason);
         }
-        let (start, energy, lost) = (self.y.clone(), self.motion.energy(&self.y)?, self.lost);
+        let (start, energy, lost) = (self.y.clone(), self.motion.energy(&self.y)?, self.history.lost);
         let (mut left, mut ending) = (0.0_f64, Vec::new());
         // Another contact that closes may push one back that was opening.
         while let Some((remaining, touches)) = self.accumulating(&mut leaving)? {
@@ -364,13 +364,13 @@ impl<A: Space> Run<'_, '_, A> {
             ending.extend(touches);
             self.close(&still)?;
             if let Some(reason) = self.choose(&still)? {
-                self.lost = lost + energy - self.motion.energy(&self.y)?;
+                self.history.lost = lost + energy - self.motion.energy(&self.y)?;
                 return self.no_mode(reason);
             }
         }
         if !ending.is_empty() {
             let passed = self.pass(&still, left)?;
-            self.lost = lost + energy - self.motion.energy(&self.y)?;
+            self.history.lost = lost + energy - self.motion.energy(&self.y)?;
             let Some(left) = passed else { return self.no_mode(StepReason::NoMode) };
             let (from, y) = (self.time, self.y.clone());
             self.time += left;
@@ -381,7 +381,7 @@ impl<A: Space> Run<'_, '_, A> {
             };
             self.sampler.stretch((from, self.time, 2), |_| y.clone(), |_, _| told.clone());
             for &touch in &ending {
-                self.note(EventKind::Zeno { touch, impacts: self.motion.impacts(touch) }, &start, Vec::new());
+                self.note(EventKind::Zeno { touch, impacts: self.motion.active.impacts[touch] }, &start, Vec::new());
             }
             if let Some(reason) = self.choose(&still)? {
                 return self.no_mode(reason);

@@ -1,16 +1,18 @@
 //! The run of a simulation from event to event, and its results.
 
 mod branch;
+mod checkpoint;
 mod crossing;
 mod differences;
 mod events;
 mod flow;
 mod guard;
 mod guarded;
+mod history;
 mod impacts;
 mod leap;
 mod leg;
-mod memory;
+
 mod modes;
 mod named;
 mod observer;
@@ -19,7 +21,7 @@ mod sampler;
 mod sensitivity;
 mod session;
 mod several;
-mod stand;
+
 mod steps;
 mod stream;
 mod trajectory;

@@ -19,15 +19,15 @@ impl<A: Space> Run<'_, '_, A> {
     }
 
     pub fn note_joint(&mut self, k: usize, before: &[f64]) {
-        let DryJoint { v, state, .. } = self.motion.dry[k];
+        let DryJoint { v, state, .. } = self.motion.active.dry[k];
         let joint = self.motion.sim.chain.joint_of_velocity(v).map_or_else(String::new, |joint| joint.name.clone());
         self.note(EventKind::Joint { joint, holds: state == Dry::Holds }, before, Vec::new());
     }
 
     /// The modes of the contacts that last, without the touch that is `gone`, and of those in `more`, and the events of their changes.
     pub fn resettle(&mut self, gone: Option<usize>, more: &[usize], before: &[f64]) -> Result<(), SimError> {
-        let old = self.motion.lasting.clone();
-        let dry = self.motion.dry.clone();
+        let old = self.motion.active.lasting.clone();
+        let dry = self.motion.active.dry.clone();
         let mut touches: Vec<usize> = old.iter().filter(|own| own.is_rigid()).map(|own| own.touch).collect();
         touches.extend(more);
         touches.retain(|touch| Some(*touch) != gone);
@@ -46,7 +46,7 @@ impl<A: Space> Run<'_, '_, A> {
         let sim_start = self.motion.sim.start_time;
         for (k, old) in dry.iter().enumerate() {
             let holds = |joint: &DryJoint| joint.state == Dry::Holds;
-            if holds(old) != holds(&self.motion.dry[k]) && self.time > sim_start {
+            if holds(old) != holds(&self.motion.active.dry[k]) && self.time > sim_start {
                 self.note_joint(k, before);
             }
         }
@@ -56,9 +56,9 @@ impl<A: Space> Run<'_, '_, A> {
     /// Sets the modes of these rigid touches, beside the compliant contacts, and projects the state onto them; or the reason why
     /// their motion needs time steps.
     pub fn choose(&mut self, touches: &[usize]) -> Result<Option<StepReason>, SimError> {
-        let kept = self.motion.lasting.iter().filter(|own| !own.is_rigid());
+        let active = self.motion.active.lasting.iter().filter(|own| !own.is_rigid());
         let mut candidates: Vec<Candidate> =
-            kept.map(|own| Candidate { touch: own.touch, slip: None, kept: Some(*own) }).collect();
+            active.map(|own| Candidate { touch: own.touch, slip: None, kept: Some(*own) }).collect();
         for &touch in touches {
             // Parts that no longer face each other have opened; what no joint moves has no force.
             if self.gap(touch)?.0.is_finite() && self.motion.moves(touch, self.time, &self.y)? {
@@ -69,13 +69,13 @@ impl<A: Space> Run<'_, '_, A> {
             return Ok(Some(StepReason::NoMode));
         }
         self.end_slips(&candidates)?;
-        let faces = self.motion.lasting.iter().any(|own| !self.motion.sim.touches[own.touch].is_point());
+        let faces = self.motion.active.lasting.iter().any(|own| !self.motion.sim.touches[own.touch].is_point());
         Ok(faces.then_some(StepReason::Face))
     }
 
     /// The events of the contacts whose mode has changed.
     pub fn note_changes(&mut self, old: &[Lasting], before: &[f64]) {
-        let new = self.motion.lasting.clone();
+        let new = self.motion.active.lasting.clone();
         for own in old.iter().filter(|own| !new.iter().any(|now| now.touch == own.touch)) {
             self.note(EventKind::LiftOff { touch: own.touch }, before, Vec::new());
         }
@@ -90,11 +90,11 @@ impl<A: Space> Run<'_, '_, A> {
     /// Notes whether the motion is unique, and ends the run if the chain is at rest and stays so.
     pub fn rest(&mut self) -> Result<(), SimError> {
         self.note_open()?;
-        let rested = std::mem::replace(&mut self.memory.resting, false);
+        let rested = std::mem::replace(&mut self.history.resting, false);
         let rest = self.motion.rest();
         let still = self.motion.scale.fastest(self.motion.split(&self.y).1) <= rest;
-        let held =
-            self.motion.lasting.iter().any(Lasting::is_rigid) && self.motion.lasting.iter().all(Lasting::is_rigid);
+        let held = self.motion.active.lasting.iter().any(Lasting::is_rigid)
+            && self.motion.active.lasting.iter().all(Lasting::is_rigid);
         if !still || !held || !self.is_steady() || self.time >= self.end {
             return Ok(());
         }
@@ -109,7 +109,7 @@ impl<A: Space> Run<'_, '_, A> {
         let before = self.y.clone();
         let (nq, nv) = (self.motion.sim.chain.nq(), self.motion.sim.chain.nv());
         self.y[nq..nq + nv].fill(0.0);
-        self.memory.resting = true;
+        self.history.resting = true;
         if !rested {
             self.note(EventKind::Rest, &before, Vec::new());
         }
@@ -120,22 +120,22 @@ impl<A: Space> Run<'_, '_, A> {
     pub fn note_open(&mut self) -> Result<(), SimError> {
         let open = self.motion.open(self.time, &self.y)?;
         if let Some((reason, touches)) = &open
-            && open != self.memory.open
+            && open != self.history.open
         {
             let (y, touches) = (self.y.clone(), touches.clone());
             self.note(EventKind::NonUnique { reason: *reason, touches }, &y, Vec::new());
         }
-        self.memory.open = open;
+        self.history.open = open;
         Ok(())
     }
 
     /// After a slip that seemed to end: it goes on, or has turned back at a dead point, which is an event. `old`: the contacts before.
     pub fn slips_on(&mut self, old: &[Lasting], before: &[f64]) {
         let toward = |own: &Lasting| if let Hold::Slides { toward } = own.hold { toward } else { Vector3::zeros() };
-        let pairs = old.iter().zip(&self.motion.lasting);
+        let pairs = old.iter().zip(&self.motion.active.lasting);
         let turned = pairs.filter(|(old, own)| toward(old).dot(&toward(own)) < 0.0).map(|(_, own)| own.mode());
         let turned: Vec<_> = turned.collect();
-        self.memory.slip_goes_on = turned.is_empty();
+        self.history.slip_goes_on = turned.is_empty();
         for mode in turned {
             self.note(EventKind::Mode { mode }, before, Vec::new());
         }
@@ -143,27 +143,27 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// Ends the slips of contacts and joints that would end soon and then rest; the energy that they lose is booked.
     pub fn end_slips(&mut self, candidates: &[Candidate]) -> Result<(), SimError> {
-        if self.memory.follows_slips {
+        if self.history.follows_slips {
             return Ok(());
         }
         let mut ending = self.motion.ending(self.time, &self.y)?;
         if ending.is_empty() {
             return Ok(());
         }
-        let (kept, y, other) = (self.motion.kept(), self.y.clone(), self.motion.other_mode.take());
+        let (active, y, other) = (self.motion.active.clone(), self.y.clone(), self.motion.other_mode.take());
         let energy = self.motion.energy(&y)?;
         while !ending.is_empty() {
             let ends = |touch| ending.touches.contains(&touch);
             let rest = |own: &Candidate| Candidate { slip: if ends(own.touch) { None } else { own.slip }, ..*own };
             let candidates: Vec<Candidate> = candidates.iter().map(rest).collect();
-            ending.joints.iter().for_each(|&k| self.motion.dry[k].state = Dry::Holds);
+            ending.joints.iter().for_each(|&k| self.motion.active.dry[k].state = Dry::Holds);
             self.motion.shut(&candidates, self.time, &mut self.y)?;
             let found = self.motion.select(&candidates, self.time, &mut self.y)?;
             if found && !self.motion.is_moving(&mut ending) {
-                self.lost += energy - self.motion.energy(&self.y)?;
+                self.history.lost += energy - self.motion.energy(&self.y)?;
                 return Ok(());
             }
-            self.motion.keep(kept.clone());
+            self.motion.active = active.clone();
             self.y.copy_from_slice(&y);
             if !found {
                 break;

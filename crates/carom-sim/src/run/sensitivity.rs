@@ -32,7 +32,7 @@ use super::trajectory::{Sampling, Seen};
 use super::variation::{Gauss, left_inverse, over_step};
 use crate::error::SimError;
 use crate::model::{Parameter, Simulation};
-use crate::motion::Kept;
+use crate::motion::ActiveSet;
 use crate::plan::Plan;
 use crate::state::{Moment, Space};
 use carom_chain::{Coordinates, Planar, PlanarChain, Spatial};
@@ -257,7 +257,7 @@ impl<A: Space> Follow<'_, '_, A> {
     /// The whole run.
     fn whole(&mut self, end: f64, events: &mut Vec<EventTime>) -> Result<(), Stop> {
         let time = self.run.time;
-        (self.run.end, self.run.memory.follows_slips) = (end, true);
+        (self.run.end, self.run.history.follows_slips) = (end, true);
         self.run.begin()?;
         if self.kinds.borrow().iter().any(|kind| IMPACTS.contains(kind)) {
             return self.broken(time, "it begins with an impact, and neighbouring starts begin before or after it");
@@ -265,10 +265,10 @@ impl<A: Space> Follow<'_, '_, A> {
         self.kinds.borrow_mut().clear();
         self.at_start()?;
         while self.run.time < end {
-            if self.run.motion.stepping {
+            if self.run.motion.active.stepping {
                 return self.broken(self.run.time, "time steps have no derivative");
             }
-            if self.run.memory.events >= self.run.motion.sim.max_events {
+            if self.run.history.events >= self.run.motion.sim.max_events {
                 return Ok(());
             }
             self.leg(events)?;
@@ -279,7 +279,7 @@ impl<A: Space> Follow<'_, '_, A> {
     /// The derivatives of the start: of the states nearest to its neighbours in which the contacts that last are closed.
     fn at_start(&mut self) -> Result<(), SimError> {
         let x = self.run.x();
-        let kept = self.run.motion.kept();
+        let active = self.run.motion.active.clone();
         let tangent = self.run.tangent(&x);
         let moving = 2 * self.run.motion.sim.chain.nv();
         self.s = DMatrix::zeros(x.len(), moving + self.changed.len());
@@ -289,7 +289,7 @@ impl<A: Space> Follow<'_, '_, A> {
             for (times, weight) in AT.iter().zip(WEIGHTS) {
                 let moved = DVector::from_column_slice(&x) + tangent.column(j) * (times * DIFFERENCE);
                 let probe = &mut self.probe;
-                probe.motion.keep(kept.clone());
+                probe.motion.active = active.clone();
                 let mut y = probe.y_of(moved.as_slice());
                 probe.motion.sim.normalise(&mut y);
                 probe.motion.settle(time, &mut y)?;
@@ -302,17 +302,17 @@ impl<A: Space> Follow<'_, '_, A> {
 
     /// One leg, and the event at its end.
     fn leg(&mut self, events: &mut Vec<EventTime>) -> Result<(), Stop> {
-        let mut kept = self.run.motion.kept();
+        let mut active = self.run.motion.active.clone();
         self.run.sampler.path = Some(Vec::new());
         let ending = self.run.leg()?;
         let path: Vec<Step> = self.run.sampler.path.take().unwrap_or_default();
-        self.probe.motion.keep(kept.clone());
+        self.probe.motion.active = active.clone();
         for (runs, _) in &mut self.changed {
-            runs.iter_mut().for_each(|run| run.motion.keep(kept.clone()));
+            runs.iter_mut().for_each(|run| run.motion.active = active.clone());
         }
         for step in &path {
             self.s = over_step(&self.gauss, step, &mut self.probe, &mut self.changed, &self.s)?;
-            kept = self.probe.motion.kept(); // with the last direction of slip
+            active = self.probe.motion.active.clone(); // with the last direction of slip
         }
         match ending {
             Ending::Passed => Ok(self.run.act(ending)?),
@@ -321,12 +321,12 @@ impl<A: Space> Follow<'_, '_, A> {
                 self.run.act(ending)?;
                 self.broken(time, "the mode cannot be continued, and the motion jumps or is computed by time steps")
             }
-            Ending::Kink | Ending::Fired(_) => self.event(ending, &kept, events),
+            Ending::Kink | Ending::Fired(_) => self.event(ending, &active, events),
         }
     }
 
     /// S⁺ and τ′.
-    fn event(&mut self, ending: Ending, kept: &Kept, events: &mut Vec<EventTime>) -> Result<(), Stop> {
+    fn event(&mut self, ending: Ending, active: &ActiveSet, events: &mut Vec<EventTime>) -> Result<(), Stop> {
         let (time, x) = (self.run.time, self.run.x());
         let f = self.probe.field(time, &x)?;
         let guard = if let Ending::Fired(guard) = ending { Some(guard) } else { None };
@@ -339,10 +339,10 @@ impl<A: Space> Follow<'_, '_, A> {
             Some(guard) if guard.is() == Is::Gap => normal(&mut self.probe, guard, time, &x)?,
             _ => None,
         };
-        let (memory, kept) = (self.run.memory.clone(), kept.clone());
-        let before = Before { time, x: DVector::from_vec(x), f, ending, guard, rate, normal, kept, memory };
+        let (history, active) = (self.run.history.clone(), active.clone());
+        let before = Before { time, x: DVector::from_vec(x), f, ending, guard, rate, normal, active, history };
         self.run.act(ending)?;
-        if self.run.motion.stepping {
+        if self.run.motion.active.stepping {
             return self.broken(time, "time steps begin, which have no derivative");
         }
         let is_force = guard.is_some_and(|guard| guard.is() == Is::Force);
@@ -352,8 +352,8 @@ impl<A: Space> Follow<'_, '_, A> {
         let (x, time_after) = (DVector::from_vec(self.run.x()), self.run.time);
         let rests = time_after >= self.run.end;
         let f = if rests { DVector::zeros(x.len()) } else { self.run.field(time_after, x.as_slice())? };
-        let after = After { time: time_after, x, f, kept: self.run.motion.kept() };
-        let (middle, _) = outcome(&mut self.probe, &before, &after.kept, (time, before.x.as_slice()), self.run.end)?;
+        let after = After { time: time_after, x, f, active: self.run.motion.active.clone() };
+        let (middle, _) = outcome(&mut self.probe, &before, &after.active, (time, before.x.as_slice()), self.run.end)?;
         let mut s = DMatrix::zeros(after.x.len(), self.s.ncols());
         let mut time_by = Vec::with_capacity(s.ncols());
         for j in 0..s.ncols() {
@@ -385,12 +385,12 @@ impl<A: Space> Follow<'_, '_, A> {
         let parameter = self.parameter(j);
         let mut slope = 0.0;
         for (k, (times, weight)) in AT.iter().zip(WEIGHTS).enumerate() {
-            self.probe.motion.keep(before.kept.clone());
+            self.probe.motion.active = before.active.clone();
             let beside = &before.x + &own * (times * wide);
             slope += weight / wide * value(&mut self.probe, guard, before.time, beside.as_slice())?.value;
             if let Some(p) = parameter {
                 let (runs, by) = &mut self.changed[p];
-                runs[k].motion.keep(before.kept.clone());
+                runs[k].motion.active = before.active.clone();
                 slope += weight / *by * value(&mut runs[k], guard, before.time, before.x.as_slice())?.value;
             }
         }
@@ -419,8 +419,8 @@ impl<A: Space> Follow<'_, '_, A> {
             };
             let beside = &before.x + &along * (times * h);
             let at = (before.time + times * h * time_by, beside.as_slice());
-            match outcome(run, before, &after.kept, at, end) {
-                Ok(outcome) if run.motion.kept().is_alike(&after.kept) => found.push(outcome),
+            match outcome(run, before, &after.active, at, end) {
+                Ok(outcome) if run.motion.active.is_alike(&after.active) => found.push(outcome),
                 Ok(_) | Err(SimError::Overlap { .. }) => {
                     return self
                         .broken(before.time, "a neighbouring motion goes on in another mode or order of events");
@@ -447,7 +447,7 @@ impl<A: Space> Follow<'_, '_, A> {
     /// the state, and the outcome is not smooth beyond that.
     fn share(&mut self, before: &Before, along: &DVector<f64>, h: f64) -> Result<f64, Stop> {
         let Before { guard: Some(guard), normal: Some(_), time, .. } = *before else { return Ok(1.0) };
-        self.probe.motion.keep(before.kept.clone());
+        self.probe.motion.active = before.active.clone();
         let beside = &before.x + along * h;
         let there = rate(&mut self.probe, guard, (time, beside.as_slice()), (&before.f, DIFFERENCE))?;
         Ok((SLOWER * before.rate.abs() / (there - before.rate).abs()).min(1.0))

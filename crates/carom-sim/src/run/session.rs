@@ -1,7 +1,7 @@
 //! A simulation as an object that a control loop drives.
 
+use super::checkpoint::Checkpoint;
 use super::run_state::Run;
-use super::stand::Stand;
 use super::trajectory::{EnergyBooks, Event, Sampling, Seen, StopReason, Summary};
 use crate::contact::ContactMode;
 use crate::error::SimError;
@@ -44,7 +44,7 @@ pub struct Session {
 /// session that continues from it repeats its motion.
 #[derive(Debug, Clone)]
 pub struct SessionState {
-    stand: Stand,
+    checkpoint: Checkpoint,
     /// Energy at the start, J.
     start: f64,
     /// Events that no advance has returned yet.
@@ -101,19 +101,19 @@ impl Session {
 
     /// Time, s.
     pub fn time(&self) -> f64 {
-        self.state.stand.time
+        self.state.checkpoint.time
     }
 
     /// Time and state now.
     pub fn moment(&self) -> Moment {
         let (nq, nv) = (self.chain().nq(), self.chain().nv());
-        let Stand { time, y, .. } = &self.state.stand;
+        let Checkpoint { time, y, .. } = &self.state.checkpoint;
         Moment { time: *time, q: y[..nq].to_vec(), qd: y[nq..nq + nv].to_vec() }
     }
 
     /// The contact mode now.
     pub fn mode(&self) -> ContactMode {
-        self.state.stand.kept.mode()
+        self.state.checkpoint.active.mode()
     }
 
     /// The lasting contacts now, with their forces under the drive that was set last.
@@ -203,8 +203,8 @@ impl Session {
     /// # Errors
     /// [`SimError::Setting`] if the state belongs to a simulation with another number of coordinates or of possible contacts.
     pub fn restore(&mut self, state: &SessionState) -> Result<(), SimError> {
-        let (own, other) = (&self.state.stand, &state.stand);
-        if own.y.len() != other.y.len() || !own.kept.fits(&other.kept) {
+        let (own, other) = (&self.state.checkpoint, &state.checkpoint);
+        if own.y.len() != other.y.len() || !own.active.fits(&other.active) {
             let (what, value) = ("length of the state", other.y.len() as f64);
             return Err(SimError::Setting {
                 what,
@@ -253,25 +253,25 @@ impl Session {
             return Ok(StopReason::Duration);
         }
         let go = (self.time() + duration, self.state.changed, to_event);
-        let (sim, stand) = (&self.simulation, self.state.stand.clone());
-        let (stop, stand) = match &self.flat {
-            Some(model) => advance::<Planar<f64>>(sim, model, stand, go, sampling, watch)?,
-            None => advance::<Spatial<f64>>(sim, &sim.chain, stand, go, sampling, watch)?,
+        let (sim, checkpoint) = (&self.simulation, self.state.checkpoint.clone());
+        let (stop, checkpoint) = match &self.flat {
+            Some(model) => advance::<Planar<f64>>(sim, model, checkpoint, go, sampling, watch)?,
+            None => advance::<Spatial<f64>>(sim, &sim.chain, checkpoint, go, sampling, watch)?,
         };
-        self.state = SessionState { stand, start: self.state.start, pending: Vec::new(), changed: false };
+        self.state = SessionState { checkpoint, start: self.state.start, pending: Vec::new(), changed: false };
         Ok(stop)
     }
 
-    /// Asks a run that stands where the session does.
+    /// Asks a run that checkpoints where the session does.
     fn ask<T>(
         &self,
         planar: impl FnOnce(&mut Run<Planar<f64>>) -> Result<T, SimError>,
         spatial: impl FnOnce(&mut Run<Spatial<f64>>) -> Result<T, SimError>,
     ) -> Result<T, SimError> {
-        let (sim, stand, ignore) = (&self.simulation, self.state.stand.clone(), &mut |_: Seen| {});
+        let (sim, checkpoint, ignore) = (&self.simulation, self.state.checkpoint.clone(), &mut |_: Seen| {});
         match &self.flat {
-            Some(model) => planar(&mut Run::resume(Motion::new(sim, model), stand, Sampling::default(), ignore)),
-            None => spatial(&mut Run::resume(Motion::new(sim, &sim.chain), stand, Sampling::default(), ignore)),
+            Some(model) => planar(&mut Run::resume(Motion::new(sim, model), checkpoint, Sampling::default(), ignore)),
+            None => spatial(&mut Run::resume(Motion::new(sim, &sim.chain), checkpoint, Sampling::default(), ignore)),
         }
     }
 }
@@ -295,22 +295,22 @@ fn start<A: Space>(sim: &Simulation, model: &A::Model, q: &[f64], qd: &[f64]) ->
     let start = run.motion.energy(&run.y)?;
     run.end = run.time;
     run.begin()?;
-    let stand = run.stand();
-    Ok(SessionState { stand, start, pending, changed: false })
+    let checkpoint = run.checkpoint();
+    Ok(SessionState { checkpoint, start, pending, changed: false })
 }
 
-/// Runs on from `stand`; returns why it ended, and where.
+/// Runs on from `checkpoint`; returns why it ended, and where.
 fn advance<A: Space>(
     sim: &Simulation,
     model: &A::Model,
-    stand: Stand,
+    checkpoint: Checkpoint,
     (end, changed, to_event): (f64, bool, bool),
     sampling: Sampling,
     watch: &mut dyn FnMut(Seen),
-) -> Result<(StopReason, Stand), SimError> {
-    let mut run = Run::<A>::resume(Motion::new(sim, model), stand, sampling, watch);
+) -> Result<(StopReason, Checkpoint), SimError> {
+    let mut run = Run::<A>::resume(Motion::new(sim, model), checkpoint, sampling, watch);
     run.end = end;
     run.wake(changed)?;
     let stop = run.until_end(to_event)?;
-    Ok((stop, run.stand()))
+    Ok((stop, run.checkpoint()))
 }

@@ -8,8 +8,8 @@
 //!
 //! The law of several contacts is applied in [`Run::solve`] only.
 
+use super::history::Class;
 use super::impacts::Struck;
-use super::memory::Class;
 use super::run_state::Run;
 use super::trajectory::EventKind;
 use crate::contact::{SeveralLaw, Solved, UNSOLVED};
@@ -106,7 +106,7 @@ impl<A: Space> Run<'_, '_, A> {
         let (table, responses, _) = self.closed_rows(closed)?;
         let mut u = table.excess(&qd);
         let speed = u.amax();
-        if speed <= rest || self.memory.count(Class::Jam, self.time) == Some(0.0) {
+        if speed <= rest || self.history.count(Class::Jam, self.time) == Some(0.0) {
             return Ok(false);
         }
         table.contacts.iter().for_each(|contact| u[contact.rows.end - 1] = -VANISHING * speed);
@@ -153,7 +153,7 @@ impl<A: Space> Run<'_, '_, A> {
         (outcome, residual): (&Solved, f64),
     ) -> Result<(), SimError> {
         let before = self.y.clone();
-        self.statistics.worst_residual = self.statistics.worst_residual.max(residual);
+        self.history.statistics.worst_residual = self.history.statistics.worst_residual.max(residual);
         push(&mut self.y[self.motion.sim.chain.nq()..], responses, outcome.impulse.as_slice());
         let kind = EventKind::Several { touches: together.to_vec(), residual, flags: outcome.flags };
         self.book(kind, together, table.impulses(outcome.impulse.as_slice()), &before)

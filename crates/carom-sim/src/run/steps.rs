@@ -26,7 +26,7 @@
 //! none, or if the events that follow end soon at the next inconsistency, the next stretch of steps is twice as long. So the number of
 //! stretches in a time is bounded, and most of it is covered by events where that is possible.
 
-use super::memory::Memory;
+use super::history::History;
 use super::run_state::Run;
 use super::trajectory::{EventKind, GAIN, StepReason};
 use crate::contact::{ContactMode, SeveralLaw, Touch};
@@ -86,7 +86,7 @@ impl<A: Space> Run<'_, '_, A> {
         // Half a step less, because times are rounded.
         let lasts = |steps: f64| (steps - 0.5) * sim.contact_step;
         let (mut still, mut since) = (0.0, 0.0);
-        let mut length = sim.contact_step.min(self.memory.wait);
+        let mut length = sim.contact_step.min(self.history.wait);
         while self.time < self.end {
             let start = self.time;
             let until = self.end.min(sim.next_kink(&self.motion.moving, start));
@@ -98,29 +98,29 @@ impl<A: Space> Run<'_, '_, A> {
             let done = if sim.stepping {
                 self.time_step(sim.contact_step.min(longest))?
             } else {
-                self.controlled_step(&mut length, longest.min((self.memory.wait - since).max(self.shortest())))?
+                self.controlled_step(&mut length, longest.min((self.history.wait - since).max(self.shortest())))?
             };
             let is_still = done.still;
             self.tell(done);
             let step = self.time - start;
             since += step;
-            if since > self.memory.wait - 0.5 * self.shortest() && !sim.stepping {
+            if since > self.history.wait - 0.5 * self.shortest() && !sim.stepping {
                 if self.resumes(step)? {
-                    self.memory.resumed = Some(self.time);
+                    self.history.resumed = Some(self.time);
                     return Ok(());
                 }
                 since = 0.0;
-                self.memory.wait = (2.0 * self.memory.wait).min(WAIT * sim.contact_step);
+                self.history.wait = (2.0 * self.history.wait).min(WAIT * sim.contact_step);
             }
             still = if is_still { still + step } else { 0.0 };
             if still >= lasts(STILL_STEPS) && self.is_steady() {
                 self.put_back(0.0)?;
                 let y = self.y.clone();
-                if !std::mem::replace(&mut self.memory.resting, true) {
+                if !std::mem::replace(&mut self.history.resting, true) {
                     self.note(EventKind::Rest, &y, Vec::new());
                 }
                 let start = std::mem::replace(&mut self.time, self.end);
-                let told = self.stepped.clone();
+                let told = self.history.stepped.clone();
                 self.sampler.stretch((start, self.end, 2), |_| y.clone(), |_, _| told.clone());
             }
         }
@@ -140,14 +140,14 @@ impl<A: Space> Run<'_, '_, A> {
             StepReason::Crowd | StepReason::Stiff | StepReason::Asked => sim.contact_step,
             StepReason::Face => OPEN_STEPS * sim.contact_step,
         };
-        let Memory { wait, resumed, .. } = &mut self.memory;
+        let History { wait, resumed, .. } = &mut self.history;
         *wait = match resumed {
             Some(resumed) if self.time - *resumed < BETWEEN * *wait => first.max(2.0 * *wait),
             _ => first.max(0.5 * *wait),
         };
         *wait = wait.min(WAIT * sim.contact_step);
-        self.motion.stepping = true;
-        self.motion.lasting.retain(|own| !own.is_rigid());
+        self.motion.active.stepping = true;
+        self.motion.active.lasting.retain(|own| !own.is_rigid());
         let before = self.y.clone();
         self.note(EventKind::Steps { reason }, &before, Vec::new());
         Ok(())
@@ -160,14 +160,14 @@ impl<A: Space> Run<'_, '_, A> {
         let nq = sim.chain.nq();
         let accepted = SHARE * sim.tolerance.sqrt();
         let shortest = self.shortest();
-        let (time, y, lost, statistics) = (self.time, self.y.clone(), self.lost, self.statistics);
-        let pressing = self.motion.lasting.clone();
+        let (time, y, lost, statistics) = (self.time, self.y.clone(), self.history.lost, self.history.statistics);
+        let pressing = self.motion.active.lasting.clone();
         loop {
             let step = length.min(longest);
             self.time_step(step)?;
             let whole = std::mem::replace(&mut self.y, y.clone());
-            (self.time, self.lost, self.statistics) = (time, lost, statistics);
-            self.motion.lasting.clone_from(&pressing);
+            (self.time, self.history.lost, self.history.statistics) = (time, lost, statistics);
+            self.motion.active.lasting.clone_from(&pressing);
             let first = self.time_step(step / 2.0)?;
             let second = self.time_step(step / 2.0)?;
             let error = whole[..nq].iter().zip(&self.y).map(|(one, two)| (one - two).abs()).fold(0.0, f64::max);
@@ -179,14 +179,14 @@ impl<A: Space> Run<'_, '_, A> {
                 *length = (step * factor).clamp(shortest, sim.contact_step);
             }
             if ends {
-                self.statistics.step_error += error;
+                self.history.statistics.step_error += error;
                 let (open, still) = (first.open && second.open, first.still && second.still);
                 self.tell(first);
                 return Ok(TimeStep { open, still, ..second });
             }
             self.y.copy_from_slice(&y);
-            (self.time, self.lost, self.statistics) = (time, lost, statistics);
-            self.motion.lasting.clone_from(&pressing);
+            (self.time, self.history.lost, self.history.statistics) = (time, lost, statistics);
+            self.motion.active.lasting.clone_from(&pressing);
         }
     }
 
@@ -200,7 +200,7 @@ impl<A: Space> Run<'_, '_, A> {
         let gravity = sim.gravity.norm().max(self.motion.scale.acceleration());
         // Within one step of fall, in position and velocity.
         let (depth, speed) = (4.0 * gravity * step.powi(2), 4.0 * gravity * step);
-        let loaded = |touch| self.stepped.iter().any(|own| own.touch == touch && own.normal_force > 0.0);
+        let loaded = |touch| self.history.stepped.iter().any(|own| own.touch == touch && own.normal_force > 0.0);
         let loaded: Vec<bool> = (0..sim.touches.len()).map(loaded).collect();
         let (mut hits, mut closed) = (Vec::new(), Vec::new());
         for (touch, (gap, rate)) in self.gaps()? {
@@ -220,16 +220,16 @@ impl<A: Space> Run<'_, '_, A> {
         let clear = points && gaps.iter().all(fine);
         if !clear || hits.is_empty() && !self.has_mode(&closed)? {
             self.y = before;
-            self.motion.lasting.retain(|own| !own.is_rigid());
+            self.motion.active.lasting.retain(|own| !own.is_rigid());
             return Ok(false);
         }
-        self.motion.stepping = false;
+        self.motion.active.stepping = false;
         if !hits.is_empty() {
             match self.collide(&hits, &closed) {
                 // After the impact friction jams: the steps go on.
                 Err(SimError::Jam { .. }) => {
-                    self.motion.stepping = true;
-                    self.motion.lasting.retain(|own| !own.is_rigid());
+                    self.motion.active.stepping = true;
+                    self.motion.active.lasting.retain(|own| !own.is_rigid());
                     return Ok(false);
                 }
                 done => done?,
@@ -266,11 +266,10 @@ impl<A: Space> Run<'_, '_, A> {
         if !sim.touches.iter().any(Touch::is_compliant) {
             return Ok(Vec::new());
         }
-        let (q, qd) = self.motion.split(y);
-        let gaps = self.motion.all_gaps(q, qd, time)?;
+        let gaps = self.motion.all_gaps(time, y)?;
         let closed = |touch: usize| gaps.iter().find(|(k, (gap, _))| *k == touch && *gap <= 0.0).map(|(_, gap)| *gap);
-        self.motion.lasting.retain(|own| closed(own.touch).is_some());
-        for own in &mut self.motion.lasting {
+        self.motion.active.lasting.retain(|own| closed(own.touch).is_some());
+        for own in &mut self.motion.active.lasting {
             let (gap, rate) = closed(own.touch).unwrap_or_default();
             if let Hold::Presses { deepest, .. } = &mut own.hold {
                 match *deepest {
@@ -285,10 +284,10 @@ impl<A: Space> Run<'_, '_, A> {
             gaps.iter().filter(|(k, (gap, _))| *gap <= 0.0 && begins(k)).map(|(k, (_, rate))| (*k, -rate)).collect();
         for (touch, approach) in begin {
             let damping = self.damping(touch, approach)?;
-            self.motion.count_impact(touch);
+            self.motion.active.count_impact(touch, self.motion.sim);
             self.press(touch, damping);
         }
-        if self.motion.lasting.is_empty() { Ok(Vec::new()) } else { self.motion.contact_states(time, y) }
+        if self.motion.active.lasting.is_empty() { Ok(Vec::new()) } else { self.motion.contact_states(time, y) }
     }
 
     /// One time step of this length, s.
@@ -299,12 +298,12 @@ impl<A: Space> Run<'_, '_, A> {
         let (start, middle_time) = (self.time, self.time + step / 2.0);
         let middle = sim.chain.integrate(&q, &qd, step / 2.0)?;
         // All dry friction is part of the contact problem, so none of it is applied as a force.
-        self.motion.dry.iter_mut().for_each(|joint| joint.state = Dry::Holds);
+        self.motion.active.dry.iter_mut().for_each(|joint| joint.state = Dry::Holds);
         let mut there = self.y.clone();
         there[..nq].copy_from_slice(&middle);
         let mut told = self.press_in_step(middle_time, &there)?;
         let Loads { tau, bends, .. } = self.motion.loads(middle_time, &there)?;
-        let dry = self.motion.dry.clone();
+        let dry = self.motion.active.dry.clone();
         let (stiffness, damping) = self.motion.regulation();
         let Motion { model, workspace, couplings, gaps: near, scale, .. } = &mut self.motion;
         let mut view = View::closed_by(*model, workspace, &middle, couplings)?;
@@ -363,26 +362,26 @@ impl<A: Space> Run<'_, '_, A> {
             }
             let u = [table.excess(&qd), table.excess(free.as_slice())];
             fall = (&u[0] - &u[1]).amax() * step;
-            let (guess, laws) = (guess(&table, &self.stepped, step), table.laws(sim, &dry, step, true));
+            let (guess, laws) = (guess(&table, &self.history.stepped, step), table.laws(sim, &dry, step, true));
             let law = (sim.several, &ACCURACY);
             let outcome = self.solve((&table, &responses, laws), u.each_ref(), law, Some(&guess))?;
-            self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
+            self.history.statistics.worst_residual = self.history.statistics.worst_residual.max(outcome.residual);
             push(next.as_mut_slice(), &responses, outcome.impulse.as_slice());
             self.refuse_squeeze((&table, &responses), outcome.residual, next.as_slice())?;
             let open = outcome.flags.contains(Flags::NON_UNIQUE);
-            self.statistics.non_unique_time += if open { step } else { 0.0 };
+            self.history.statistics.non_unique_time += if open { step } else { 0.0 };
             // ½ (u⁻ + u⁺)·p, the work of the impulses on the robot: exact for the jump of q̇ at the mass matrix of the middle.
             let mean = (&v + &next) * 0.5;
             let work: f64 =
                 outcome.impulse.iter().enumerate().map(|(i, p)| p * table.rows.dot(i, mean.as_slice())).sum();
-            self.lost -= work;
+            self.history.lost -= work;
             let still = table.surface.iter().all(|speed| *speed == 0.0);
             let mut flags = if open { Flags::NON_UNIQUE } else { Flags::NONE };
             let twice = |v: &DVector<f64>| v.dot(&(&mass * v));
             // Impulses of support work as well, while a body still moves up.
             if still && work > 0.0 && twice(&next) > (1.0 + GAIN) * twice(&v).max(twice(&free)) {
                 flags |= Flags::ENERGY_GAIN;
-                self.statistics.energy_gained += work;
+                self.history.statistics.energy_gained += work;
             }
             told.extend(contact_states(&table, outcome.impulse.as_slice(), step, flags));
         }
@@ -400,7 +399,7 @@ impl<A: Space> Run<'_, '_, A> {
         }
         self.motion.close_loops(&mut self.y)?;
 
-        self.statistics.contact_steps += 1;
+        self.history.statistics.contact_steps += 1;
         self.y[nq + nv] += power[0] * step;
         self.y[nq + nv + 1] += power[1] * step;
         self.y[nq + nv + 2..].iter_mut().zip(&bends).for_each(|(deflection, rate)| *deflection += rate * step);
@@ -431,7 +430,7 @@ impl<A: Space> Run<'_, '_, A> {
             state
         };
         self.sampler.stretch((start, end, 2), at, |_, _| told.clone());
-        self.stepped = told;
+        self.history.stepped = told;
     }
 
     /// Corrects overlaps above `allowed` (m) by the smallest displacement in the kinetic metric: with the gaps g + allowed,

@@ -60,7 +60,7 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// What the compliant contacts remember.
     pub fn remembered(&mut self) -> Vec<f64> {
-        memory(&mut self.motion.lasting).map(|number| *number).collect()
+        memory(&mut self.motion.active.lasting).map(|number| *number).collect()
     }
 
     /// x of a state, without the works that it contains, and of what compliant contacts remember.
@@ -73,7 +73,7 @@ impl<A: Space> Run<'_, '_, A> {
     pub fn y_of(&mut self, x: &[f64]) -> Vec<f64> {
         let n = self.motion.sim.chain.nq() + self.motion.sim.chain.nv();
         let tail = self.y.len() - n - 2;
-        for (number, x) in memory(&mut self.motion.lasting).zip(&x[n + tail..]) {
+        for (number, x) in memory(&mut self.motion.active.lasting).zip(&x[n + tail..]) {
             *number = *x;
         }
         [&x[..n], &[0.0, 0.0], &x[n..n + tail]].concat()
@@ -116,7 +116,7 @@ impl<A: Space> Run<'_, '_, A> {
     /// Whether a contact slides with friction.
     pub fn slips(&self) -> bool {
         let slips = |own: &Lasting| matches!(own.hold, Hold::Slides { toward } | Hold::Starts { toward } if toward != Vector3::zeros());
-        self.motion.lasting.iter().any(slips)
+        self.motion.active.lasting.iter().any(slips)
     }
 
     /// A.
@@ -175,8 +175,8 @@ pub(crate) fn over_step<A: Space>(
         let mut push = &slope * s;
         for (p, ([_, less, more, _], by)) in changed.iter_mut().enumerate() {
             // The direction of slip of this time: friction acts against it.
-            less.motion.lasting.clone_from(&run.motion.lasting);
-            more.motion.lasting.clone_from(&run.motion.lasting);
+            less.motion.active.lasting.clone_from(&run.motion.active.lasting);
+            more.motion.active.lasting.clone_from(&run.motion.active.lasting);
             let difference = (more.field(time, &x)? - less.field(time, &x)?) / (2.0 * *by);
             let column = push.column(first + p) + difference;
             push.set_column(first + p, &column);

@@ -1,4 +1,4 @@
-//! What a run remembers of its last events.
+//! What a run has done: its events, the counts, the energy of its impacts, and what its next decisions take from them.
 //!
 //! Events of one class that follow one another without end would keep a run from going on. After so many of them within a time, the run
 //! goes on in another way:
@@ -10,15 +10,24 @@
 //! | [`Class::NormalForce`] | 2 | the Zeno time | the contact opens |
 //! | [`Class::Jam`] | 9 | no time: each ends the slip of a contact | time steps |
 
+use super::leap::Leap;
+use super::trajectory::Statistics;
 use crate::model::Simulation;
-use crate::motion::NonUnique;
+use crate::motion::{ContactState, NonUnique};
 use std::collections::VecDeque;
 
-/// The part of a run's state by which neighbouring runs must start alike: their motions differ, their pasts do not.
+/// The past of a run. Neighbouring runs start with the same one: their motions differ, their pasts do not.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Memory {
+pub(crate) struct History {
     /// Number of events so far.
     pub events: usize,
+    pub statistics: Statistics,
+    /// Kinetic energy lost in impacts, J.
+    pub lost: f64,
+    /// The contacts of the last time step.
+    pub stepped: Vec<ContactState>,
+    /// A leap over a pose at which the mechanism could branch, if the run stands within it.
+    pub leap: Option<Leap>,
     /// The times of the last events of each class.
     times: [VecDeque<f64>; 4],
     /// Whether a slip that seemed to end goes on: the next leg does not look for its end.
@@ -69,7 +78,7 @@ impl Class {
 /// Too many impacts within this number of Zeno times do not accumulate.
 const TAIL: f64 = 10.0;
 
-impl Memory {
+impl History {
     /// Counts an event; the time since the first of its class that counts, if there were so many.
     pub fn count(&mut self, class: Class, time: f64) -> Option<f64> {
         let (times, many) = (&mut self.times[class as usize], class.many());

@@ -1,26 +1,21 @@
 //! Beginning, pausing and continuing a run.
 
-use super::leap::Leap;
-use super::memory::Memory;
+use super::history::History;
 use super::run_state::Run;
 use super::sampler::Sampler;
-use super::trajectory::{EnergyBooks, Sampling, Seen, Statistics, StopReason, Summary};
+use super::trajectory::{EnergyBooks, Sampling, Seen, StopReason, Summary};
 use crate::error::SimError;
 use crate::model::Simulation;
-use crate::motion::{ContactState, Kept, Motion, bristles};
+use crate::motion::{ActiveSet, ContactState, Motion, bristles};
 use crate::state::{Moment, Space};
 
-/// Where a run stands: all that its further motion depends on, beside the simulation.
+/// All that the further motion of a run depends on, beside the simulation.
 #[derive(Debug, Clone)]
-pub(crate) struct Stand {
+pub(crate) struct Checkpoint {
     pub time: f64,
     pub y: Vec<f64>,
-    pub kept: Kept,
-    statistics: Statistics,
-    lost: f64,
-    stepped: Vec<ContactState>,
-    memory: Memory,
-    leap: Option<Leap>,
+    pub active: ActiveSet,
+    pub history: History,
 }
 
 impl<'a, 'w, A: Space> Run<'a, 'w, A> {
@@ -36,47 +31,51 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let deflections = vec![0.0; 3 * bristles(sim).len()];
         let mut y = [q, qd, &[0.0, 0.0], &deflections].concat();
         motion.close_loops(&mut y)?;
-        let stand = Stand {
-            time: sim.start_time,
-            y,
-            kept: motion.kept(),
-            statistics: Statistics::default(),
-            lost: 0.0,
-            stepped: Vec::new(),
-            memory: Memory::default(),
-            leap: None,
-        };
-        let mut run = Self::resume(motion, stand, sampling, watch);
+        let mut run = Self::of(motion, (sim.start_time, y), History::default(), sampling, watch);
         run.refuse_branching_start()?;
         Ok(run)
     }
 
-    /// A run that goes on from where another one stood.
-    pub fn resume(mut motion: Motion<'a, A>, stand: Stand, sampling: Sampling, watch: &'w mut dyn FnMut(Seen)) -> Self {
+    /// A run that goes on from a checkpoint.
+    pub fn resume(
+        mut motion: Motion<'a, A>,
+        from: Checkpoint,
+        sampling: Sampling,
+        watch: &'w mut dyn FnMut(Seen),
+    ) -> Self {
+        motion.active = from.active;
+        Self::of(motion, (from.time, from.y), from.history, sampling, watch)
+    }
+
+    fn of(
+        motion: Motion<'a, A>,
+        (time, y): (f64, Vec<f64>),
+        history: History,
+        sampling: Sampling,
+        watch: &'w mut dyn FnMut(Seen),
+    ) -> Self {
         let sizes = (motion.sim.chain.nq(), motion.sim.chain.nv());
-        let Stand { time, y, kept, statistics, lost, stepped, memory, leap } = stand;
-        motion.keep(kept);
         let count = sampling.every.map_or(0, |every| next_moment(time, every, time == motion.sim.start_time));
         let sampler = Sampler { sampling, sizes, count, until: time, watch, path: None };
-        Self { motion, time, y, end: time, sampler, statistics, lost, stepped, memory, leap }
+        Self { motion, time, y, history, end: time, sampler }
     }
 
     /// Where the run stands.
-    pub fn stand(self) -> Stand {
-        let Self { motion, time, y, statistics, lost, stepped, memory, leap, .. } = self;
-        Stand { time, y, kept: motion.kept(), statistics, lost, stepped, memory, leap }
+    pub fn checkpoint(self) -> Checkpoint {
+        let Self { motion, time, y, history, .. } = self;
+        Checkpoint { time, y, active: motion.active, history }
     }
 
     /// Runs to the end, or with `to_event` to the next event.
     pub fn until_end(&mut self, to_event: bool) -> Result<StopReason, SimError> {
-        let first = self.memory.events;
-        while self.time < self.end && !(to_event && self.memory.events > first) {
-            if self.memory.events >= self.motion.sim.max_events {
+        let first = self.history.events;
+        while self.time < self.end && !(to_event && self.history.events > first) {
+            if self.history.events >= self.motion.sim.max_events {
                 return Ok(StopReason::Events);
             }
-            if let Some(leap) = self.leap.take() {
+            if let Some(leap) = self.history.leap.take() {
                 self.follow(leap)?;
-            } else if self.motion.stepping {
+            } else if self.motion.active.stepping {
                 self.several_contacts()?;
             } else {
                 self.one_leg()?;
@@ -95,17 +94,17 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// The modes after a pause, in which the drive may have `changed`.
     pub fn wake(&mut self, changed: bool) -> Result<(), SimError> {
-        if self.leap.is_some() {
+        if self.history.leap.is_some() {
             return Ok(());
         }
-        if changed && !self.motion.stepping && !self.motion.moves_freely() {
+        if changed && !self.motion.active.stepping && !self.motion.moves_freely() {
             let before = self.y.clone();
             self.measure();
             return self.resettle(None, &[], &before);
         }
         if changed {
-            self.memory.resting = false;
-        } else if self.memory.resting && self.is_steady() {
+            self.history.resting = false;
+        } else if self.history.resting && self.is_steady() {
             return self.stay();
         }
         Ok(())
@@ -113,7 +112,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// The lasting contacts now.
     pub fn contacts(&mut self) -> Result<Vec<ContactState>, SimError> {
-        if self.motion.stepping { Ok(self.stepped.clone()) } else { self.motion.contact_states(self.time, &self.y) }
+        if self.motion.active.stepping {
+            Ok(self.history.stepped.clone())
+        } else {
+            self.motion.contact_states(self.time, &self.y)
+        }
     }
 
     /// The results so far, with the energy balance from a start with this energy.
@@ -121,11 +124,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let (contacts, energy, (q, qd)) = (self.contacts()?, self.books(start)?, self.q_qd());
         Ok(Summary {
             last: Moment { time: self.time, q, qd },
-            mode: self.motion.mode(),
+            mode: self.motion.active.mode(),
             contacts,
             stop,
-            events: self.memory.events,
-            statistics: self.statistics,
+            events: self.history.events,
+            statistics: self.history.statistics,
             energy,
         })
     }
@@ -134,7 +137,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     pub fn books(&mut self, start: f64) -> Result<EnergyBooks, SimError> {
         let end = self.motion.energy(&self.y)?;
         let work = self.motion.sim.chain.nq() + self.motion.sim.chain.nv();
-        Ok(EnergyBooks { start, end, drive: self.y[work], resistance: self.y[work + 1], impacts: self.lost })
+        Ok(EnergyBooks { start, end, drive: self.y[work], resistance: self.y[work + 1], impacts: self.history.lost })
     }
 }
 
