@@ -2,7 +2,7 @@
 
 use super::rule::ContactRule;
 use crate::error::SimError;
-use crate::state::{Space, View};
+use crate::state::{EXACT, Space, View};
 use carom_chain::algebra::Pose;
 use carom_chain::{FrameId, Spatial};
 use carom_contact::{
@@ -70,9 +70,6 @@ pub(crate) enum Against {
 pub(crate) const APART: (f64, f64) = (f64::INFINITY, 0.0);
 /// Pairs with more contacts of parts than this are not divided.
 const MANY: usize = 2000;
-/// A gap that exceeds its lower bound by less than this share of the size of the first body and its distance from the origin is
-/// equal to it.
-const EQUAL: f64 = 1e-12;
 /// Velocities within a step as a multiple of those at its ends.
 const BEYOND: f64 = 1.5;
 /// Share of a body's bounding sphere: bodies further apart than this are not examined.
@@ -212,7 +209,7 @@ impl Pair {
         // A contact beyond the ends of its faces and edges is none, whatever its gap.
         met.counts()
             && met.gap.distance - Separation::along(met.gap.normal, own, other)
-                <= EQUAL * (self.size() + placed.poses[0].translation.norm())
+                <= EXACT * (self.size() + placed.poses[0].translation.norm())
     }
 
     /// The separation of the bodies along the normal of a contact of parts, m.

@@ -4,9 +4,6 @@ use carom_impact::{Accuracy, Flags, ImpactError, Order, SeveralProblem, Stiffnes
 use nalgebra::DVector;
 use serde::de::{Deserialize, Deserializer, Error as _};
 
-/// Impulses or forces whose residual, relative to the largest velocity or acceleration, is above this do not satisfy their law.
-pub(crate) const UNSOLVED: f64 = 1e-9;
-
 /// The law of several contacts at the same time, in impacts and in time steps. Each contact keeps its own coefficients; its
 /// own law applies to impacts of this contact alone.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -3,15 +3,12 @@
 //! Symbols as in `strike.rs`.
 
 use crate::error::SimError;
-use crate::state::written;
+use crate::state::{EQUAL, written};
 use carom_chain::PointResponse;
 use carom_chain::algebra::Algebra;
 use carom_impact::{Flags, ImpactOutcome, Mode};
 use nalgebra::{Matrix3, MatrixXx3, SMatrix, SVector, Vector3};
 use serde::{Serialize, Serializer};
-
-/// Share of T⁻ by which the energies may miss the work: some digits above the rounding of a chain in regular position.
-const BALANCED: f64 = 1e-9;
 
 /// Rounding of sums over the pairs of some dozens of joints, relative to their terms.
 const ROUNDED: f64 = 1024.0 * f64::EPSILON;
@@ -156,7 +153,7 @@ impl ChainImpact {
     #[inline(always)]
     fn is_balanced(&self) -> bool {
         let (change, work) = self.balance();
-        (change - work).abs() <= BALANCED * self.energy_before
+        (change - work).abs() <= EQUAL * self.energy_before
     }
 
     /// T⁺ − T⁻, and the work of impulse and drives.
@@ -208,7 +205,7 @@ impl ChainImpact {
             .map(|(column, rate)| column.iter().zip(&rates).map(|(m, other)| m.abs() * other).sum::<f64>() * rate);
         // Without M the energies are sums of squares of bodies, whose velocities are those that the impulse changes.
         let terms = self.energy_before + self.energy_after + pushed.chain(drives).chain(momenta).sum::<f64>();
-        let allowed = BALANCED * self.energy_before + (ROUNDED * terms).min(UNKNOWN * self.energy_before);
+        let allowed = EQUAL * self.energy_before + (ROUNDED * terms).min(UNKNOWN * self.energy_before);
         let (found, expected) = self.balance();
         let holds = (found - expected).abs() <= allowed; // false for NaN too
         if holds { Ok(()) } else { Err(SimError::Unbalanced { link: link(), found, expected, allowed }) }

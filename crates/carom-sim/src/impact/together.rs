@@ -12,8 +12,9 @@
 //! determined.
 
 use super::prepared::{Aim, problem};
-use crate::contact::{SeveralLaw, Solved, UNSOLVED};
+use crate::contact::{SeveralLaw, Solved};
 use crate::error::SimError;
+use crate::state::EQUAL;
 use carom_chain::{Chain, FramePoint};
 use carom_impact::{Accuracy, Constraint, Flags, SeveralProblem};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, MatrixXx3, Vector3};
@@ -127,7 +128,7 @@ pub(super) fn resolve(
         Ok(found)
     };
     let mut outcome = solve(&problem)?;
-    let solved = |found: &Solved| found.residual <= UNSOLVED;
+    let solved = |found: &Solved| found.residual <= EQUAL;
     if !solved(&outcome) {
         let first = outcome.residual;
         outcome = solve(&problem.without_restitution())?;

@@ -10,13 +10,10 @@
 use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
 use super::gains::{Gains, Motor, not_negative};
 use crate::error::{SimError, require};
-use crate::state::{Space, View, pseudo_inverse};
+use crate::state::{EQUAL, Space, View, pseudo_inverse};
 use carom_chain::urdf::JointType;
 use carom_chain::{ChainError, Rows};
 use nalgebra::{DVector, Matrix3, Vector3};
-
-/// Largest deviation of the length of a normal from 1: that of components with ten digits, which files have.
-const UNIT: f64 = 1e-9;
 
 /// The transition controller: before the first impact the tip follows a desired velocity to the surface; afterwards its
 /// normal velocity is controlled to zero with an acceleration `press` towards the surface, and its tangential velocity to
@@ -68,7 +65,7 @@ pub struct ImpactInvariant {
 /// [`SimError::Setting`] for a normal whose length is not 1.
 fn check_unit(normal: &Vector3<f64>) -> Result<(), SimError> {
     let length = normal.norm();
-    require((length - 1.0).abs() < UNIT, "length of the drive's normal", length, "it must be 1")
+    require((length - 1.0).abs() < EQUAL, "length of the drive's normal", length, "it must be 1")
 }
 
 impl ControlLaw for Transition {

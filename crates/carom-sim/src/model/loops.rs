@@ -1,14 +1,10 @@
 //! Loops of a mechanism: joints that close a tree of links.
 
 use crate::error::SimError;
-use crate::state::{Coupling, Space, reach};
+use crate::state::{Coupling, EQUAL, Space, reach};
 use carom_chain::Chain;
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use std::sync::Arc;
-
-/// Points of a pin that are nearer to each other in the plane, as a share of their distance in space, are one point: the axis is
-/// perpendicular to the plane, to the digits of a file.
-const POINT: f64 = 1e-9;
 
 /// A joint that closes a loop: it keeps two frames together by a bilateral constraint, which carries forces and impulses
 /// without loss. A chain is a tree, so a four-bar linkage is a chain of three hinges and a loop.
@@ -126,7 +122,7 @@ impl Loop {
                     [arm, -arm].map(|offset| A::material_point(model, frame, one.place(offset)).0.position);
                 let apart = above - below;
                 // In the plane a pin perpendicular to it is a point.
-                let is_point = A::dot(apart, apart) < (POINT * size).powi(2);
+                let is_point = A::dot(apart, apart) < (EQUAL * size).powi(2);
                 if is_point { vec![Vector3::zeros()] } else { vec![arm, -arm] }
             }
             LoopJoint::Weld => [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| axis * size).to_vec(),

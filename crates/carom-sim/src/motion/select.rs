@@ -21,7 +21,6 @@ use super::lasting::{Dry, Hold, Lasting};
 use super::rows::{direction_of_slip, push};
 use super::scale::{SLOWEST, Scale};
 use super::smooth::Motion;
-use crate::contact::UNSOLVED;
 use crate::error::SimError;
 use crate::state::{Basis, CLEAR, EQUAL, EXACT, Space};
 use carom_impact::{Accuracy, SeveralProblem};
@@ -145,7 +144,7 @@ impl<A: Space> Motion<'_, A> {
         let held = if start.is_none() { self.all_held(found, &free) } else { None };
         let start = start.or(held.as_ref()).filter(|start| start.len() == free.len());
         let outcome = problem.simultaneous(&ACCURACY, start)?;
-        let solved = outcome.residual <= UNSOLVED;
+        let solved = outcome.residual <= EQUAL;
         if !solved {
             return Ok(None);
         }

@@ -19,7 +19,6 @@ use super::lasting::{Hold, Lasting};
 use super::rows::{Contact, push};
 use super::select::Solution;
 use super::smooth::Motion;
-use crate::contact::UNSOLVED;
 use crate::error::SimError;
 use crate::state::{Basis, CLEAR, EQUAL, Space};
 use carom_impact::{Accuracy, Flags, SeveralProblem, undetermined};
@@ -120,7 +119,7 @@ impl<A: Space> Motion<'_, A> {
         }
         for start in [DVector::zeros(solution.force.len()), squeezed] {
             let other = problem.simultaneous(&accuracy, Some(&start))?;
-            if other.residual > UNSOLVED {
+            if other.residual > EQUAL {
                 continue;
             }
             let mut change = DVector::<f64>::zeros(found.free.len());

@@ -19,11 +19,11 @@ use crate::contact::{Compliance, Touch};
 use crate::error::SimError;
 use crate::model::{Drive, Integrator, Simulation};
 use crate::scene::Scene;
-use crate::state::beyond;
+use crate::state::{EQUAL, EXACT, beyond};
 use carom_chain::PlanarChain;
 use carom_chain::urdf::JointType;
 use nalgebra::Vector3;
-use numbers::{SAME, bound_at_start, depth_at_start, fastest_rate, merged, without_motor};
+use numbers::{bound_at_start, depth_at_start, fastest_rate, merged, without_motor};
 use serde::Serialize;
 
 /// The reduced simulation of a scene, and the list of its reductions, which serde writes.
@@ -74,9 +74,7 @@ pub struct Bounded {
     pub of: String,
 }
 
-/// Joint axes that deviate by less, rad, are parallel: [`Chain::to_planar`] aligns axes that files give with ten digits.
-const ALIGNED: f64 = 1e-9;
-/// Numbers are shown with this inverse of a last digit where they differ from it by less than [`SAME`].
+/// Numbers are shown with this inverse of a last digit where they differ from it by less than [`EXACT`].
 const DIGITS: f64 = 1e9;
 /// If the stability of the explicit integrator needs more steps than this, the implicit one is used.
 const STIFF: f64 = 1e5;
@@ -153,7 +151,7 @@ impl Plan {
                     let choice = format!("{merged} corners with the same projection as another");
                     self.leave_out("corners", choice, "they differ from it only perpendicular to the plane");
                 }
-                if tilt > ALIGNED {
+                if tilt > EQUAL {
                     let bound = 2.0 * tilt * reach;
                     let choice = format!("joint axes turned by up to {} rad to be parallel", tidy(tilt));
                     let of = "displacement of any point, m: 2 × tilt × sum of the reaches of the joints".to_owned();
@@ -396,6 +394,6 @@ fn listed(touches: &[&Touch]) -> String {
 /// Formats a number without the rounding errors of a rotation.
 fn tidy(x: f64) -> String {
     let rounded = (x * DIGITS).round() / DIGITS;
-    let shown = if (rounded - x).abs() < SAME { rounded + 0.0 } else { x };
+    let shown = if (rounded - x).abs() < EXACT { rounded + 0.0 } else { x };
     format!("{shown}")
 }

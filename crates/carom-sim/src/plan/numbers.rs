@@ -4,13 +4,9 @@ use crate::contact::{Compliance, Moving, Touch, TouchKind, friction_bound};
 use crate::error::SimError;
 use crate::model::{Drive, Simulation, motors};
 use crate::motion::Motion;
-use crate::state::View;
+use crate::state::{EXACT, View};
 use carom_chain::{Chain, Coordinates, JointInfo, PlanarChain, Spatial};
 use nalgebra::{DMatrix, Matrix3};
-
-/// Positions and directions of corners that differ by less, as a share of the distance from the origin of the link and of 1, are equal:
-/// some hundred times the rounding of a pose after a turn into the plane.
-pub(super) const SAME: f64 = 1e-12;
 
 /// Largest penetration, m, of the compliant touch with the smallest gap, if it were hit at the start pose and velocity.
 pub(super) fn depth_at_start(sim: &Simulation, q: &[f64], qd: &[f64]) -> Result<f64, SimError> {
@@ -64,7 +60,7 @@ pub(super) fn merged(touches: &[Touch], flat: &PlanarChain) -> Vec<Touch> {
     let mut kept: Vec<Touch> = Vec::new();
     for touch in touches {
         let shadow = |touch: &Touch| match &touch.kind {
-            TouchKind::Ball { shape, centre, radius, normal: n, .. } if n.dot(&normal).abs() < SAME => {
+            TouchKind::Ball { shape, centre, radius, normal: n, .. } if n.dot(&normal).abs() < EXACT => {
                 Some((shape.frame(), flat.point(shape.frame(), *centre).position, *radius, centre.norm()))
             }
             _ => None,
@@ -74,7 +70,7 @@ pub(super) fn merged(touches: &[Touch], flat: &PlanarChain) -> Vec<Touch> {
         let twin = |other: &Touch| {
             let (Some(a), Some(b)) = (own, shadow(other)) else { return false };
             a.0 == b.0
-                && (a.1 - b.1).norm() <= SAME * a.3
+                && (a.1 - b.1).norm() <= EXACT * a.3
                 && a.2 == b.2
                 && other.surface == touch.surface
                 && !touch.motion.as_ref().is_some_and(Moving::turns)

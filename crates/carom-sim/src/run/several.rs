@@ -12,7 +12,7 @@ use super::history::Class;
 use super::impacts::Struck;
 use super::run_state::Run;
 use super::trajectory::EventKind;
-use crate::contact::{SeveralLaw, Solved, UNSOLVED};
+use crate::contact::{SeveralLaw, Solved};
 use crate::error::SimError;
 use crate::motion::{Constraints, Lasting, Level, push};
 use crate::state::{CLEAR, EQUAL, EXACT, Space};
@@ -55,11 +55,11 @@ impl<A: Space> Run<'_, '_, A> {
         };
         let mut outcome = solve(sim.several, !ends)?;
         let residual = outcome.residual;
-        if residual > UNSOLVED && !ends {
+        if residual > EQUAL && !ends {
             // No impulses satisfy the law: friction wedges a contact. Without restitution there are some.
             outcome = solve(sim.several, false)?;
         }
-        if outcome.residual > UNSOLVED && sim.several != SeveralLaw::Moreau {
+        if outcome.residual > EQUAL && sim.several != SeveralLaw::Moreau {
             // A sequence that does not end leaves contacts approaching: all at once they do not.
             outcome = solve(SeveralLaw::Moreau, false)?;
         }
@@ -83,7 +83,7 @@ impl<A: Space> Run<'_, '_, A> {
     ) -> Result<(), SimError> {
         let normals: Vec<usize> = table.contacts.iter().map(|contact| contact.rows.end - 1).collect();
         let moves = normals.iter().fold(0.0, |most: f64, &i| most.max(table.surface[i].abs()));
-        if residual <= UNSOLVED || moves == 0.0 {
+        if residual <= EQUAL || moves == 0.0 {
             return Ok(());
         }
         let u = table.excess(v).select_rows(&normals);
@@ -91,7 +91,7 @@ impl<A: Space> Run<'_, '_, A> {
         let smooth = vec![Constraint::Stop { restitution: 0.0 }; normals.len()];
         let apart = SeveralProblem::from_gram(k, u, smooth)?.simultaneous(&ACCURACY, None)?;
         let fastest = -apart.u_plus.min();
-        if apart.residual <= UNSOLVED || fastest <= CLEAR * moves {
+        if apart.residual <= EQUAL || fastest <= CLEAR * moves {
             return Ok(());
         }
         let names = table.contacts.iter().map(|contact| self.motion.sim.touches[contact.own.touch].name.clone());

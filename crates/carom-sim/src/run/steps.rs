@@ -28,13 +28,13 @@
 
 use super::history::History;
 use super::run_state::Run;
-use super::trajectory::{EventKind, GAIN, StepReason};
+use super::trajectory::{EventKind, StepReason};
 use crate::contact::{ContactMode, SeveralLaw, Touch};
 use crate::error::SimError;
 use crate::motion::{
     Constraints, Contact, ContactState, Dry, Hold, Lasting, Level, Loads, Motion, Near, is_reached, push,
 };
-use crate::state::{EQUAL, EXACT, Loops, Space, View};
+use crate::state::{CLEAR, EQUAL, EXACT, Loops, Space, View};
 use carom_chain::{ChainError, Rows};
 use carom_impact::{Accuracy, Constraint, Flags};
 use nalgebra::{Cholesky, DVector, Dyn, Vector3};
@@ -379,7 +379,7 @@ impl<A: Space> Run<'_, '_, A> {
             let mut flags = if open { Flags::NON_UNIQUE } else { Flags::NONE };
             let twice = |v: &DVector<f64>| v.dot(&(&mass * v));
             // Impulses of support work as well, while a body still moves up.
-            if still && work > 0.0 && twice(&next) > (1.0 + GAIN) * twice(&v).max(twice(&free)) {
+            if still && work > 0.0 && twice(&next) > (1.0 + CLEAR) * twice(&v).max(twice(&free)) {
                 flags |= Flags::ENERGY_GAIN;
                 self.history.statistics.energy_gained += work;
             }

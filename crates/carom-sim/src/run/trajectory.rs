@@ -4,7 +4,7 @@
 use crate::contact::ContactMode;
 use crate::impact::ChainImpact;
 use crate::motion::{ContactState, NonUnique};
-use crate::state::{ContactImpulse, Moment};
+use crate::state::{CLEAR, ContactImpulse, Moment};
 use carom_chain::Chain;
 use carom_impact::Flags;
 use serde::{Serialize, Serializer};
@@ -331,9 +331,6 @@ impl EnergyBooks {
     }
 }
 
-/// Impulses that add more than this share of the energy gain energy: far above the accuracy of the impulses.
-pub(super) const GAIN: f64 = 1e-6;
-
 /// Share of the energies of a run from which on an error of their balance is told, without time steps and with them: errors of the
 /// velocities by half of it. Integration stays far below the first; time steps do not where they are too long for the motion.
 const NOTICED: [f64; 2] = [0.001, 0.01];
@@ -368,7 +365,7 @@ impl Summary {
             )
         });
         let gained = self.statistics.energy_gained;
-        let gains = (gained > GAIN * self.energy.size()).then(|| {
+        let gains = (gained > CLEAR * self.energy.size()).then(|| {
             format!(
                 "the impulses of time steps have added {gained:.3e} J: their law gains energy at these contacts, choose another law (several), \
                  less restitution or friction, or method = \"events\""

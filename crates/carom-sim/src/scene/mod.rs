@@ -24,7 +24,7 @@ pub use toml::from_toml;
 use crate::contact::{ContactRule, Surface, Touch, Touches};
 use crate::error::SimError;
 use crate::model::Simulation;
-use crate::state::View;
+use crate::state::{EQUAL, View};
 use carom_chain::Spatial;
 use carom_chain::input;
 use carom_contact::LeftOut;
@@ -90,9 +90,6 @@ pub struct Scene {
     /// [`Chain::report`](carom_chain::Chain::report).
     pub warnings: Vec<String>,
 }
-
-/// Changes of the start up to this size are not reported, rad, m, rad/s, m/s: the digits of a file.
-const NOTICED: f64 = 1e-9;
 
 impl Scene {
     /// Reads a scene file, its robot and its meshes.
@@ -217,7 +214,7 @@ impl Scene {
             ..Simulation::new(chain, touches)
         };
         let (start, change) = simulation.close_loops(&q, &qd).map_err(|e| refuse(e.to_string()))?;
-        if change > NOTICED {
+        if change > EQUAL {
             let new = format!("q = {:?}, qd = {:?}", start.q, start.qd);
             warnings.push(format!("[robot] the start does not close the loops: moved by up to {change:.3e} to {new}"));
         }
@@ -261,7 +258,7 @@ fn closed_at_start(simulation: &Simulation, q: &[f64]) -> Result<Vec<String>, Si
     let mut warnings = Vec::new();
     for touch in simulation.touches.iter().filter(|touch| touch.link().is_some() && touch.is_covered()) {
         let at = touch.at(&view, q, time);
-        if at.gap > NOTICED || !at.counts() {
+        if at.gap > EQUAL || !at.counts() {
             continue;
         }
         if !touch.moves(&at, &mut view)? {
@@ -274,7 +271,7 @@ fn closed_at_start(simulation: &Simulation, q: &[f64]) -> Result<Vec<String>, Si
                 warnings.push(warning);
             }
         }
-        if let Some(compliance) = touch.contact.compliance.filter(|_| at.gap < -NOTICED) {
+        if let Some(compliance) = touch.contact.compliance.filter(|_| at.gap < -EQUAL) {
             warnings.push(format!(
                 "[robot] {} starts {} m deep in its compliance ({compliance}): the energy stored in it comes in as work of the contact, \
                  start with an open gap unless this is meant",

@@ -3,6 +3,7 @@
 use super::file::TipVelocity;
 use super::surface::half_space;
 use crate::contact::Surface;
+use crate::state::{EQUAL, EXACT};
 use carom_chain::{Chain, ChainError, Rows};
 use nalgebra::{DVector, Vector3};
 
@@ -23,8 +24,8 @@ pub(crate) fn tip_velocity(
         return Err(format!("tip_velocity: speed {speed} and angle_deg {angle} must be finite"));
     }
     let alpha = tip.angle_deg.to_radians();
-    let shadow = (along - normal * normal.dot(&along)).try_normalize(1e-12);
-    if shadow.is_none() && alpha.cos().abs() > 1e-12 {
+    let shadow = (along - normal * normal.dot(&along)).try_normalize(EXACT);
+    if shadow.is_none() && alpha.cos().abs() > EXACT {
         let [x, y, z] = tip.along;
         return Err(format!(
             "tip_velocity: along = [{x}, {y}, {z}] is normal to the surface: give a direction along the surface"
@@ -47,7 +48,7 @@ pub(crate) fn tip_velocity(
     kin.respond(&impulse, &mut response).map_err(say)?;
     let qd = response.row(0);
     let reached = kin.point_velocity(point, qd).map_err(say)?;
-    if (reached - u).norm() > 1e-9 * tip.speed.abs() {
+    if (reached - u).norm() > EQUAL * tip.speed.abs() {
         let [x, y, z] = u.into();
         return Err(format!(
             "tip_velocity: at this pose no joint velocities give the link '{link}' the velocity ({x}, {y}, {z}) m/s: \

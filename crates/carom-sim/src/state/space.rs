@@ -3,6 +3,7 @@
 //! A planar chain is computed in the plane ([`Planar`], 3-vectors); gaps, contacts and laws are computed in space. [`Space`]
 //! lifts and projects between the two. This is exact: joint constraint forces balance all loads perpendicular to the plane.
 
+use super::accuracy::EXACT;
 use super::coupling::Coupling;
 use crate::error::SimError;
 use carom_chain::algebra::{Algebra, Pose};
@@ -98,12 +99,6 @@ impl Space for Planar<f64> {
     }
 }
 
-/// A normal whose sine with the perpendicular of the plane is below this has no direction in the plane: far above rounding, far below
-/// any angle of a scene.
-const ACROSS: f64 = 1e-12;
-/// Eigenvalues of H below this share of the largest are zero: they are differences of sums of squares with rounding of some ε.
-const SINGULAR: f64 = 1e-12;
-
 /// Delassus matrix H = J M⁻¹ Jᵀ (3×3) and response M⁻¹Jᵀ (nv×3) of a point, world axes.
 pub(crate) type Felt = (Matrix3<f64>, MatrixXx3<f64>);
 
@@ -186,7 +181,7 @@ impl<'a, A: Space> View<'a, A> {
         let own = A::project(self.model, n);
         let share = A::dot(own, own).sqrt();
         // A normal perpendicular to the plane of a planar chain.
-        if share < ACROSS {
+        if share < EXACT {
             return Ok(None);
         }
         let contact = self.kin.contact(point, own * (1.0 / share), &[])?;
@@ -280,7 +275,7 @@ impl<'a, A: Space> View<'a, A> {
 /// H⁺: H is singular for planar arms, whose tip moves in two directions only.
 pub(crate) fn pseudo_inverse(h: Matrix3<f64>) -> Matrix3<f64> {
     let eigen = h.symmetric_eigen();
-    let least = eigen.eigenvalues.max() * SINGULAR;
+    let least = eigen.eigenvalues.max() * EXACT;
     let inverse = eigen.eigenvalues.map(|x| if x > least { 1.0 / x } else { 0.0 });
     eigen.eigenvectors * Matrix3::from_diagonal(&inverse) * eigen.eigenvectors.transpose()
 }
