@@ -229,6 +229,27 @@ pub(crate) trait Rule<T: RealField + Copy> {
     }
 }
 
+/// A law that ends a path of the impulse.
+pub(crate) trait OnPath {
+    type Scalar;
+
+    fn path(&self) -> Routh<Self::Scalar>;
+}
+
+impl<T: RealField + Copy, L: OnPath<Scalar = T>> Rule<T> for L {
+    fn family<const D: usize>(&self, _: &ImpactProblem<T, D>) -> Family<T> {
+        Family::Path(self.path())
+    }
+
+    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
+        self.path().answers(problem)
+    }
+
+    fn resolve<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        self.path().resolve(problem)
+    }
+}
+
 pub(crate) fn check_restitution<T: RealField + Copy>(e: T) -> Result<(), ImpactError> {
     // Written so that NaN fails.
     if e >= T::zero() && e <= T::one() {

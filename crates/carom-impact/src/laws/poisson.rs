@@ -1,10 +1,8 @@
 use nalgebra::RealField;
 
-use super::{Family, Rule};
-use crate::branches::Answers;
+use super::OnPath;
 use crate::plane::Routh;
 use crate::routh::Ending;
-use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
 /// Routh's method with Poisson's coefficient: friction follows the slip, and restitution ends at a prescribed ratio of
 /// impulses. With `pc` the normal impulse at which compression ends (`u_n = 0`),
@@ -50,21 +48,9 @@ pub struct Poisson<T = f64> {
     pub friction: T,
 }
 
-impl<T: RealField + Copy> Rule<T> for Poisson<T> {
-    fn family<const D: usize>(&self, _: &ImpactProblem<T, D>) -> Family<T> {
-        Family::Path(self.path())
-    }
+impl<T: RealField + Copy> OnPath for Poisson<T> {
+    type Scalar = T;
 
-    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
-        self.path().answers(problem)
-    }
-
-    fn resolve<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-        self.path().resolve(problem)
-    }
-}
-
-impl<T: RealField + Copy> Poisson<T> {
     fn path(&self) -> Routh<T> {
         let Self { restitution, friction } = *self;
         Routh { law: Self::NAME, restitution, friction, ending: Ending::Impulse }
