@@ -40,6 +40,7 @@ mod solve;
 mod specialised;
 mod state;
 pub mod urdf;
+mod wrench;
 
 pub use aba::Articulation;
 pub use about::{Coordinates, JointCoordinate, JointInfo, LinkInfo, Member};
@@ -55,6 +56,7 @@ pub use kinematics::{Drifts, Kinematics, Workspace};
 pub use planarize::{PlanarChain, Plane};
 pub use reduce::Reduced;
 pub use state::OutsideLimit;
+pub use wrench::JointWrench;
 
 // For the other crates of this repository and its tests.
 #[doc(hidden)]

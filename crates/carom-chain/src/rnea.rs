@@ -83,7 +83,7 @@ impl<A: Algebra> Kinematics<'_, A> {
     }
 
     /// Outward pass of RNEA: accelerations, for a base that accelerates by −gravity, and the forces that cause them.
-    fn spread_force(&mut self, qd: &[A::Scalar], qdd: Option<&[A::Scalar]>, gravity: A::Vector) {
+    pub(crate) fn spread_force(&mut self, qd: &[A::Scalar], qdd: Option<&[A::Scalar]>, gravity: A::Vector) {
         let (chain, ws) = (self.chain, &mut *self.ws);
         let base = Flow::base(-gravity);
         let mut flow = base;

@@ -14,3 +14,4 @@ mod segments;
 mod sine;
 mod two_routes;
 mod urdf_messages;
+mod wrenches;
