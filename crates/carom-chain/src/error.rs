@@ -147,6 +147,19 @@ pub enum ChainError {
         /// Name of the chain.
         chain: String,
     },
+    /// No joint velocities give a point of a link a velocity.
+    #[error(
+        "at this pose no joint velocities give the link '{link}' the velocity ({}, {}, {}) m/s{how}: change q or the velocity",
+        velocity[0], velocity[1], velocity[2]
+    )]
+    NoVelocity {
+        /// Name of the link.
+        link: String,
+        /// The velocity, world axes, m/s.
+        velocity: [f64; 3],
+        /// What else was asked for.
+        how: &'static str,
+    },
     /// A number is outside its range.
     #[error("{what} is {value}: {rule}")]
     OutOfRange {

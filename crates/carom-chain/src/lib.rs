@@ -39,6 +39,7 @@ mod scratch;
 mod solve;
 mod specialised;
 mod state;
+mod tool;
 pub mod urdf;
 mod wrench;
 
@@ -56,6 +57,7 @@ pub use kinematics::{Drifts, Kinematics, Workspace};
 pub use planarize::{PlanarChain, Plane};
 pub use reduce::Reduced;
 pub use state::OutsideLimit;
+pub use tool::ToolMotion;
 pub use wrench::JointWrench;
 
 // For the other crates of this repository and its tests.

@@ -12,6 +12,7 @@ mod rotors;
 mod scalars;
 mod segments;
 mod sine;
+mod tool;
 mod two_routes;
 mod urdf_messages;
 mod wrenches;

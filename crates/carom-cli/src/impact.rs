@@ -1,15 +1,17 @@
 //! `carom impact`: the outcome of one impact at a point of a robot.
 
 use crate::error::CliError;
-use crate::input::{JointOrder, LimitWarnings, RobotArgs, State, StateArgs, for_each_line, parse_range, parse_vector};
+use crate::error::LineError;
+use crate::input::{JointOrder, LimitWarnings, RobotArgs, StateArgs, for_each_line, parse_range, parse_vector};
 use crate::law::{All, Branch, LawArgs};
 use crate::output::{row, short};
 use carom_chain::urdf::JointType;
-use carom_chain::{Chain, ChainError, Coordinates};
+use carom_chain::{Chain, ChainError, Coordinates, FramePoint, ToolMotion};
 use carom_impact::{CoefficientRanges, Law};
-use carom_sim::{ChainImpact, Contact, Impacts, JointModel, SimError};
+use carom_sim::{ChainImpact, Contact, ImpactLoads, Impacts, JointImpulse, JointModel, SimError, Strike};
 use clap::Args;
-use serde::Serialize;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -24,12 +26,13 @@ use std::path::Path;
 /// u⁻ and u⁺ (m/s), and impulse p on the robot (N s), all three in world axes; kinetic energy before
 /// and after (J); work of the normal and of the friction impulse (J); mode (open, stick, slip,
 /// reverse-slip) and flags as in `carom law --help`; what the options below add.
-/// JSON keys: law, qd_plus, impulse, u_minus, u_plus, energy_before, energy_after, mode,
-///   normal_work, friction_work, flags; with --law all {"outcomes":[…],"refused":[…]}.
+/// JSON keys: law, q, qd_minus, qd_plus, impulse, u_minus, u_plus, energy_before, energy_after,
+///   mode, normal_work, friction_work, flags; with --law all {"outcomes":[…],"refused":[…]}.
 ///   branches: all solutions, if there are several.
 ///   drive_impulse (N m s or N s per joint), drive_work (J): with locked joints or drives.
 ///   derivatives {q, qd, restitution, friction}, mode_margin {margin, edge, beyond}: --derivatives.
 ///   band {restitution, friction, qd_plus, u_plus, impulse, exact}: with a range.
+///   loads {joint_impulse, bearings [{joint, force, moment}]}: --loads.
 /// Answers are printed in the order of the lines. If a line is refused, the answers to the lines
 /// above it have been printed, and the exit status is 1.
 #[derive(Args)]
@@ -68,6 +71,36 @@ pub struct Impact {
         long, value_name = "LOW:HIGH", value_parser = parse_range, allow_hyphen_values = true, verbatim_doc_comment
     )]
     friction_range: Option<[f64; 2]>,
+    /// Add the loads on the joints
+    ///
+    /// The joint impulses Jᵀp (N m s, N s), which accelerate free joints and load the drives of locked
+    /// ones; and for each moving joint the impulse that its parent link exerts on its child link, by
+    /// bearing, gear and drive together: force (N s) and moment about the origin of the child link
+    /// (N m s), in the axes of the child link.
+    #[arg(long, verbatim_doc_comment)]
+    loads: bool,
+    /// Which joint velocities are taken where a state gives the velocity of the contact point
+    ///
+    /// least-energy: those of the least kinetic energy, with which the link turns in general;
+    /// least-norm: of the least sum of squares; without-rotation: the link does not turn, and of these
+    /// velocities those of the least kinetic energy.
+    #[arg(
+        long, value_name = "HOW", default_value = "least-energy", value_parser = ToolMotion::from_name, verbatim_doc_comment
+    )]
+    motion: ToolMotion,
+}
+
+/// A line of `--states`; tau and qdd are those of `dynamics`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ImpactState {
+    q: Vec<f64>,
+    qd: Option<Vec<f64>>,
+    tip_velocity: Option<[f64; 3]>,
+    #[serde(rename = "tau")]
+    _tau: Option<Vec<f64>>,
+    #[serde(rename = "qdd")]
+    _qdd: Option<Vec<f64>>,
 }
 
 /// Usage in two lines of less than 100 columns.
@@ -181,6 +214,8 @@ impl Drives {
 #[derive(Serialize)]
 struct Answer {
     law: &'static str,
+    #[serde(flatten)]
+    before: Before,
     qd_plus: Vec<f64>,
     #[serde(flatten)]
     hit: ChainImpact,
@@ -198,6 +233,23 @@ struct Answer {
     mode_margin: Option<Margin>,
     #[serde(skip_serializing_if = "Option::is_none")]
     band: Option<Bounds>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    loads: Option<Loads>,
+}
+
+/// The state before the impact, in the order asked for.
+#[derive(Serialize, Clone)]
+struct Before {
+    q: Vec<f64>,
+    qd_minus: Vec<f64>,
+}
+
+/// The loads of an impact, with the joint impulses in the order asked for.
+#[derive(Serialize)]
+struct Loads {
+    joint_impulse: Vec<f64>,
+    #[serde(flatten)]
+    of_joints: ImpactLoads,
 }
 
 /// Derivatives of qd⁺; matrices as rows.
@@ -259,15 +311,27 @@ impl Impact {
             CliError::Option(format!("{robot}{option}: {why}"))
         })?;
         let mut limits = LimitWarnings::default();
-        for_each_line(&self.state.states, out, |state: State, place, out| {
-            let (q, qd) = (order.q(&state.q), order.v(&state.qd));
-            let strike = chain.impact(&q, &qd).at(tip).offset(self.state.point).normal(self.normal);
-            let mut contact = strike.joints(joints).contact()?;
+        let point = FramePoint::new(tip, self.state.point);
+        for_each_line(&self.state.states, out, |state: ImpactState, place, out| {
+            let q = order.q(&state.q);
+            let qd = match (&state.qd, state.tip_velocity) {
+                (Some(qd), None) => order.v(qd),
+                (None, Some(velocity)) => {
+                    chain.check_q(&q)?;
+                    let found =
+                        chain.workspace().update(&chain, &q)?.tool_velocity(point, velocity.into(), self.motion)?;
+                    found.as_slice().to_vec()
+                }
+                _ => return Err(LineError("give qd or tip_velocity, one of both".into()).into()),
+            };
+            let before = Before { q: state.q, qd_minus: order.theirs(&qd) };
+            let strike = chain.impact(&q, &qd).at(point).normal(self.normal).joints(joints);
+            let mut contact = strike.clone().contact()?;
             limits.check(&chain, &q, place);
             let mut all = All::default();
             for (name, law) in &laws {
                 match self.answer(
-                    &mut contact,
+                    (&before, &strike, &mut contact),
                     (*name, law.as_ref()),
                     ranges.as_ref(),
                     &order,
@@ -307,14 +371,19 @@ impl Impact {
 
     fn answer(
         &self,
-        contact: &mut Contact,
+        (before, strike, contact): (&Before, &Strike, &mut Contact),
         law: (&'static str, &dyn Law<f64, 3>),
         ranges: Option<&CoefficientRanges>,
         order: &JointOrder,
         driven: bool,
     ) -> Result<Option<Answer>, SimError> {
         let (name, law) = law;
-        let Some(mut answer) = outcome(name, &contact.branches(law)?, order, driven) else { return Ok(None) };
+        let hits = contact.branches(law)?;
+        let Some(mut answer) = outcome(name, before, &hits, order, driven) else { return Ok(None) };
+        if self.loads {
+            let of_joints = strike.loads(&hits[0])?;
+            answer.loads = Some(Loads { joint_impulse: order.theirs(&of_joints.joint_impulse), of_joints });
+        }
         if self.derivatives {
             let found = contact.derivative(law)?;
             answer.derivatives = Some(Derivatives {
@@ -342,7 +411,13 @@ impl Impact {
     }
 }
 
-fn outcome(law: &'static str, hits: &[ChainImpact], order: &JointOrder, driven: bool) -> Option<Answer> {
+fn outcome(
+    law: &'static str,
+    before: &Before,
+    hits: &[ChainImpact],
+    order: &JointOrder,
+    driven: bool,
+) -> Option<Answer> {
     let branch = |hit: &ChainImpact| Branch {
         qd_plus: order.theirs(&hit.qd_plus),
         impulse: hit.impulse.as_slice().to_vec(),
@@ -353,6 +428,7 @@ fn outcome(law: &'static str, hits: &[ChainImpact], order: &JointOrder, driven: 
     let hit = hits.first()?;
     Some(Answer {
         law,
+        before: before.clone(),
         qd_plus: order.theirs(&hit.qd_plus),
         hit: hit.clone(),
         drive_impulse: driven.then(|| order.theirs(&hit.drive_impulse)),
@@ -361,6 +437,7 @@ fn outcome(law: &'static str, hits: &[ChainImpact], order: &JointOrder, driven: 
         derivatives: None,
         mode_margin: None,
         band: None,
+        loads: None,
     })
 }
 
@@ -390,6 +467,23 @@ fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io:
         )?;
         if let (Some(impulse), Some(work)) = (&a.drive_impulse, a.drive_work) {
             writeln!(out, "{:29} drives {} N m s, work {} J", "", row(impulse), short(work))?;
+        }
+        if let Some(Loads { joint_impulse, of_joints }) = &a.loads {
+            writeln!(out, "{:29} Jᵀp {} N m s, N s", "", row(joint_impulse))?;
+            // Components that are sums of others with rounding are shown as zero.
+            let size = |pick: fn(&JointImpulse) -> Vector3<f64>| {
+                of_joints.through.iter().map(|joint| pick(joint).amax()).fold(0.0, f64::max)
+            };
+            let (forces, moments) = (size(|joint| joint.force), size(|joint| joint.moment));
+            let moments = moments.max(joint_impulse.iter().fold(0.0, |most, x| x.abs().max(most)));
+            let clean =
+                |of: &Vector3<f64>, size: f64| row(of.map(|x| if x.abs() < 1e-12 * size { 0.0 } else { x }).as_slice());
+            for joint in &of_joints.through {
+                let (force, moment) = (clean(&joint.force, forces), clean(&joint.moment, moments));
+                writeln!(out, "{:29} through {}", "", joint.joint)?;
+                writeln!(out, "{:29}   force  {force} N s", "")?;
+                writeln!(out, "{:29}   moment {moment} N m s", "")?;
+            }
         }
         for other in a.branches.iter().skip(1) {
             writeln!(out, "  or also        {:12} qd⁺ {}", other.mode, row(&other.qd_plus))?;

@@ -43,9 +43,9 @@ pub use contact::{
 };
 pub use error::SimError;
 pub use impact::{
-    ChainImpact, Contact, ContactRows, FrictionlessJump, Grip, ImpactBand, ImpactDerivative, Impacts, JointModel,
-    Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, Saltation, SeveralImpact, States, Strike, StruckPoint,
-    frictionless_jump_into, saltation,
+    ChainImpact, Contact, ContactRows, FrictionlessJump, Grip, ImpactBand, ImpactDerivative, ImpactLoads, Impacts,
+    JointImpulse, JointModel, Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, Saltation, SeveralImpact,
+    States, Strike, StruckPoint, frictionless_jump_into, impact_loads, saltation,
 };
 pub use model::{
     Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint, Observed, Parameter, Pd,

@@ -1,6 +1,7 @@
 //! The shipped scenes: each has the events and the final state that its first lines describe.
 
 use carom_sim::{Event, Scene, Trajectory};
+use carom_testing::scenes::with_robots;
 
 fn run(name: &str) -> (Scene, Trajectory) {
     let scene = Scene::from_file(format!("{}/../../scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap();
@@ -151,5 +152,34 @@ fn a_delta_mechanism_strikes_the_ground_and_tilts() {
     for k in 0..=60 {
         let q = run.at(&scene.simulation.chain, 0.01 * f64::from(k)).q;
         assert!(q[1].abs() < 1e-9 && q[5].abs() < 1e-9, "{q:?}");
+    }
+}
+
+/// The tip starts with the velocity that is given, whichever joint velocities are taken; without rotation its link does not turn.
+#[test]
+fn a_tip_starts_with_its_velocity_in_the_motion_asked_for() {
+    let given = |keys: &str| {
+        with_robots(&format!(
+            "robot = {{ urdf = \"arm7.urdf\", q = [0, 0.5, 0.2, -1, 0, 1, 0], tip_velocity = {{ {keys} }} }}\nrun = {{ duration = 1 }}\n"
+        ))
+    };
+    let u = nalgebra::Vector3::new(0.1, -0.2, -0.5);
+    for (motion, turns) in [("least-energy", true), ("least-norm", true), ("without-rotation", false)] {
+        let scene = given(&format!("velocity = [0.1, -0.2, -0.5], motion = \"{motion}\"")).unwrap();
+        let (chain, mut workspace) = (&scene.simulation.chain, scene.simulation.chain.workspace());
+        let at = workspace.update(chain, &scene.q).unwrap();
+        let tip = chain.frame("tip").unwrap();
+        let reached = at.point_velocity(chain.point(tip, nalgebra::Vector3::zeros()), &scene.qd).unwrap();
+        assert!((reached - u).norm() < 1e-12, "{motion}: {reached}");
+        let spin = at.angular_velocity(tip, &scene.qd).unwrap().norm();
+        assert_eq!(spin > 1e-3, turns, "{motion}: {spin} rad/s");
+    }
+    for (keys, words) in [
+        ("velocity = [0.1, 0, 0], motion = \"fast\"", "'fast' is none of least-energy, least-norm, without-rotation"),
+        ("velocity = [0.1, 0, 0], speed = 1", "give one of both"),
+        ("speed = 1, angle_deg = 45, along = [1, 0, 0]", "tip_velocity.velocity or qd instead"),
+    ] {
+        let refused = given(keys).unwrap_err().to_string();
+        assert!(refused.contains(words), "{refused}");
     }
 }

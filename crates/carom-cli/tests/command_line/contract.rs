@@ -83,6 +83,8 @@ fn every_answer_has_the_keys_of_the_contract() {
         "law",
         "mode",
         "normal_work",
+        "q",
+        "qd_minus",
         "qd_plus",
         "u_minus",
         "u_plus",

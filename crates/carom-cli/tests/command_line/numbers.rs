@@ -282,3 +282,63 @@ fn work_of_the_drives_is_part_of_the_energy_balance() {
     close("a joint without stiffness is free", soft, vector(&free["impulse"]).norm(), 1e-14 * soft);
     assert!(impulse_of("--joint-damping 50 --contact-time 0.01").0 != soft);
 }
+
+/// Jᵀp = M (qd⁺ − qd⁻), and the moment through a hinge along its axis is the impulse of its drive: none where the joint is free.
+#[test]
+fn loads_are_those_that_change_the_velocities_and_that_drives_hold() {
+    let desk = Desk::new();
+    let state = json!({"q": [0.3, -1.1, 0.7], "qd": [0.4, 0.9, -0.2]});
+    let args = "impact planar3.urdf --json --tip tip --normal -1,0,0 --law energetic --restitution 0.4 --friction 0.3 --states -";
+    let mass = matrix(&desk.answer("dynamics planar3.urdf --json --tip tip --states -", &state)["mass_matrix"]);
+    let free = desk.answer(&format!("{args} --loads"), &state);
+    let asked = &free["loads"]["joint_impulse"];
+    let change = vector(&free["qd_plus"]) - vector(&free["qd_minus"]);
+    assert!((mass * change - vector(asked)).amax() < 1e-13 * vector(asked).amax());
+    assert_eq!(free["q"], state["q"]);
+    let locked = desk.answer(&format!("{args} --loads --locked elbow"), &state);
+    for (hit, held) in [(&free, [0.0; 3]), (&locked, [0.0, number(&locked["drive_impulse"][1]), 0.0])] {
+        let bearings = hit["loads"]["bearings"].as_array().unwrap();
+        assert_eq!(bearings.len(), 3);
+        for (bearing, held) in bearings.iter().zip(held) {
+            let moment = number(&bearing["moment"][2]);
+            close(bearing["joint"].as_str().unwrap(), moment, held, 1e-13);
+        }
+    }
+    assert!(number(&locked["drive_impulse"][1]).abs() > 0.01, "the drive of a locked joint gets an impulse");
+    let printed = desk.feed(&args.replace(" --json", " --loads"), state.to_string());
+    done(&printed);
+    assert!(printed.out.contains("through elbow") && printed.out.contains("Jᵀp"), "{}", printed.out);
+}
+
+/// A state may give the velocity of the contact point instead of qd: it is u⁻, and `--motion` says which joint velocities are taken.
+#[test]
+fn states_may_give_the_velocity_of_the_contact_point() {
+    let desk = Desk::new();
+    let args = "impact arm7.urdf --json --tip tip --point 0,0.1,0.05 --normal 0,0,1 --law energetic --restitution 0.4 --states -";
+    let (q, u) = (json!([0, 0.5, 0.2, -1, 0, 1, 0]), [0.1, 0.0, -0.5]);
+    let state = json!({"q": q, "tip_velocity": u});
+    let least = desk.answer(args, &state);
+    let mut energies = Vec::new();
+    for motion in ["least-energy", "least-norm", "without-rotation"] {
+        let hit = desk.answer(&format!("{args} --motion {motion}"), &state);
+        assert!((vector(&hit["u_minus"]) - vector(&json!(u))).amax() < 1e-12, "{motion}");
+        energies.push(number(&hit["energy_before"]));
+        let again = desk.answer(args, &json!({"q": q, "qd": hit["qd_minus"]}));
+        assert!((vector(&again["qd_plus"]) - vector(&hit["qd_plus"])).amax() < 1e-12, "{motion}");
+    }
+    assert_eq!(number(&least["energy_before"]), energies[0], "the least energy is taken without the option");
+    assert!(energies[0] < energies[1] && energies[0] < energies[2], "{energies:?}");
+    let refused = |state: serde_json::Value| {
+        let ran = desk.feed(args, state.to_string());
+        assert_eq!(ran.code, Some(1), "{}", ran.out);
+        ran.err
+    };
+    let stretched = refused(json!({"q": [0, 0, 0, 0, 0, 0, 0], "tip_velocity": u}));
+    assert!(
+        stretched.contains("<stdin>:1") && stretched.contains("no joint velocities give the link 'tip'"),
+        "{stretched}"
+    );
+    for both in [json!({"q": q, "qd": [0, 0, 0, 0, 0, 0, 0], "tip_velocity": u}), json!({"q": q})] {
+        assert!(refused(both).contains("give qd or tip_velocity, one of both"));
+    }
+}

@@ -101,9 +101,9 @@ impl Impacts for Chain {
 /// The description of an impact: contact point, normal, and model of the joints.
 #[derive(Debug, Clone)]
 pub struct Strike<'a> {
-    chain: &'a Chain,
-    q: &'a [f64],
-    qd: &'a [f64],
+    pub(super) chain: &'a Chain,
+    pub(super) q: &'a [f64],
+    pub(super) qd: &'a [f64],
     point: Option<FramePoint>,
     offset: Option<Vector3<f64>>,
     normal: Option<Vector3<f64>>,
@@ -146,7 +146,7 @@ impl<'a> Strike<'a> {
         Ok(PreparedStrike::new(self.aim()?))
     }
 
-    fn aim(&self) -> Result<Aim<'a>, SimError> {
+    pub(super) fn aim(&self) -> Result<Aim<'a>, SimError> {
         let Some(mut contact) = self.point else {
             return Err(SimError::Incomplete { missing: "point", say: ".at(chain.frame(\"…\")?)" });
         };

@@ -6,6 +6,7 @@ use super::keys::{Loading, Table};
 use super::perturb::Distribution;
 use crate::contact::SeveralLaw;
 use crate::key_group;
+use carom_chain::ToolMotion;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{MapAccess, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -186,9 +187,17 @@ impl<'de> Deserialize<'de> for Robots {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct TipVelocity {
-    pub speed: f64,
-    pub angle_deg: f64,
-    pub along: [f64; 3],
+    pub velocity: Option<[f64; 3]>,
+    pub speed: Option<f64>,
+    pub angle_deg: Option<f64>,
+    pub along: Option<[f64; 3]>,
+    #[serde(default, deserialize_with = "tool_motion")]
+    pub motion: ToolMotion,
+}
+
+fn tool_motion<'de, D: Deserializer<'de>>(from: D) -> Result<ToolMotion, D::Error> {
+    let name = String::deserialize(from)?;
+    ToolMotion::from_name(&name).map_err(serde::de::Error::custom)
 }
 
 #[derive(Deserialize)]
