@@ -94,6 +94,9 @@ struct Advised<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     best_median_worst: Option<[f64; 3]>,
     best: Vec<Best<'a>>,
+    /// The columns of conditions that vary.
+    #[serde(skip)]
+    conditions: Vec<&'a str>,
 }
 
 #[derive(Serialize)]
@@ -113,7 +116,9 @@ struct Moved<'a> {
 }
 
 impl<'a> Advised<'a> {
-    fn of(study: &Study, advice: &'a Advice) -> Self {
+    fn of(study: &'a Study, advice: &'a Advice) -> Self {
+        let before = study.columns()[..class(study)].iter().map(|column| column.name.as_str());
+        let conditions = before.filter(|name| !name.starts_with("q.")).collect();
         let best = advice.best.iter().map(|it| Best {
             row: it.index,
             q: &it.q,
@@ -129,6 +134,7 @@ impl<'a> Advised<'a> {
             fulfil: advice.fulfil,
             best_median_worst: advice.spread,
             best: best.collect(),
+            conditions,
         }
     }
 }
@@ -262,21 +268,36 @@ impl Advised<'_> {
         if let Some([best, median, worst]) = self.best_median_worst {
             writeln!(out, "best {}, median {}, worst {}", short(best), short(median), short(worst))?;
         }
-        let cells = |values: &Map<String, Value>| {
-            let cell = |(name, value): (&String, &Value)| match value {
-                Value::Number(x) => format!("{name} {}", short(x.as_f64().unwrap_or(f64::NAN))),
-                other => format!("{name} {}", other.as_str().unwrap_or_default()),
-            };
-            values.iter().map(cell).collect::<Vec<_>>().join(", ")
+        // The conditions of the rows and the column, and where a self-motion leads; all other columns are in the JSON.
+        let text = |values: &Map<String, Value>, name: &str| match values.get(name) {
+            Some(Value::Number(x)) => short(x.as_f64().unwrap_or(f64::NAN)),
+            Some(other) => other.as_str().unwrap_or_default().to_owned(),
+            None => "-".to_owned(),
         };
-        let pose = |q: &[f64]| q.iter().map(|x| short(*x)).collect::<Vec<_>>().join(" ");
-        for (k, it) in best.iter().enumerate() {
-            writeln!(out, "{}. row {}: q {}", k + 1, it.row, pose(it.q))?;
-            writeln!(out, "   {}", cells(&it.values))?;
-            if let Some(moved) = &it.self_motion {
-                writeln!(out, "   along the self-motion: q {}", pose(moved.q))?;
-                writeln!(out, "   {}", cells(&moved.values))?;
+        let moves = best.iter().any(|it| it.self_motion.is_some());
+        let mut head: Vec<&str> = vec!["row"];
+        head.extend(self.conditions.iter().copied());
+        head.push(column);
+        head.extend(moves.then_some("self-motion"));
+        head.extend(["class", "q"]);
+        let mut rows = vec![head.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>()];
+        for it in best {
+            let mut cells = vec![it.row.to_string()];
+            cells.extend(self.conditions.iter().map(|name| text(&it.values, name)));
+            cells.push(text(&it.values, column));
+            let (q, values) = it.self_motion.as_ref().map_or((it.q, &it.values), |moved| (moved.q, &moved.values));
+            cells
+                .extend(moves.then(|| it.self_motion.as_ref().map_or("-".into(), |moved| text(&moved.values, column))));
+            cells.extend([text(values, "class"), q.iter().map(|x| short(*x)).collect::<Vec<_>>().join(" ")]);
+            rows.push(cells);
+        }
+        let width = |k: usize| rows.iter().map(|cells| cells[k].chars().count()).max().unwrap_or_default();
+        for cells in &rows {
+            let last = cells.len() - 1;
+            for (k, cell) in cells[..last].iter().enumerate() {
+                write!(out, "{cell:>0$}  ", width(k))?;
             }
+            writeln!(out, "{}", cells[last])?;
         }
         Ok(())
     }

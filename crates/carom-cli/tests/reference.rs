@@ -193,7 +193,7 @@ fn keys_of_answers_are_those_of_the_page() {
         (
             "impact",
             vec![
-                (format!("{strike} --derivatives --restitution-range 0.3:0.4"), state),
+                (format!("{strike} --derivatives --loads --restitution-range 0.3:0.4"), state),
                 (format!("{strike} --joint-stiffness 2000 --contact-time 0.005"), state),
             ],
         ),

@@ -46,7 +46,7 @@ pub struct Advice {
     pub fulfil: u64,
     /// Best, median and worst value of the column among these rows; `None` if there are none.
     pub spread: Option<[f64; 3]>,
-    /// Local optima of the grid, the best first, at most `[advise] best` of them.
+    /// Local optima of the grid, at most `[advise] best` of them, in the order of the values at the end of the self-motion.
     pub best: Vec<Advised>,
 }
 
@@ -130,7 +130,7 @@ impl Study {
         tops.sort_by(|a, b| costs[*a as usize].total_cmp(&costs[*b as usize]).then(a.cmp(b)));
         tops.truncate(wish.best);
         let redundant = self.engine.nv() > self.engine.conditions();
-        let best = tops.par_iter().map(|&index| {
+        let found = tops.par_iter().map(|&index| {
             let mut worker = self.engine.worker();
             let mut row = vec![0.0; self.columns.len()];
             worker.row(index, &mut row);
@@ -138,12 +138,16 @@ impl Study {
             let self_motion = redundant.then(|| self.descend(&mut *worker, wish, index, &q)).flatten();
             Advised { index, row, q, self_motion }
         });
+        // The best after the self-motion first.
+        let cost = |it: &Advised| wish.cost(it.self_motion.as_ref().map_or(&it.row, |(_, row)| row), class);
+        let mut best: Vec<Advised> = found.collect();
+        best.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
         Ok(Advice {
             column: self.columns[wish.column].name.clone(),
             maximise: wish.maximise,
             fulfil: sorted.len() as u64,
             spread,
-            best: best.collect(),
+            best,
         })
     }
 

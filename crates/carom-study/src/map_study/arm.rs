@@ -55,6 +55,8 @@ pub(super) struct Arm<A: Algebra, const D: usize> {
     pub ranges: Vec<(usize, f64, f64, f64, f64)>,
     pub limits: Vec<Limit>,
     pub tangential_restitution: bool,
+    /// Inertia added to the diagonal of M: infinite at locked joints. Empty without any.
+    pub added: Vec<f64>,
     /// All axes: those of the pose, then normal, approach, speed, restitution, tangential restitution, friction, law.
     pub axes: Vec<Axis>,
     /// The laws of the last axis; a row sets their coefficients.
@@ -319,14 +321,14 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_
     }
 
     fn weigh(&mut self) -> Result<(), ChainError> {
-        let Arm { chain, point, .. } = self.arm;
+        let Arm { chain, point, added, .. } = self.arm;
         let (q, normal) = (&self.pose.q, SVector::zeros());
         if !chain.has_fused_pass() {
-            return self.workspace.update(chain, q)?.contact(*point, normal, &[]).map(|_| ());
+            return self.workspace.update(chain, q)?.contact(*point, normal, added).map(|_| ());
         }
-        chain.contact_point(*point)?.visit(q, normal, &[], &mut self.memory, Keep)?;
+        chain.contact_point(*point)?.visit(q, normal, added, &mut self.memory, Keep)?;
         if self.memory.response().is_doubtful() {
-            self.workspace.update(chain, q)?.check_inertia(&[])?;
+            self.workspace.update(chain, q)?.check_inertia(added)?;
         }
         Ok(())
     }

@@ -65,6 +65,8 @@ pub(super) struct Impact {
     #[serde(default = "zero")]
     pub friction: Values,
     pub tangential_restitution: Option<Values>,
+    #[serde(default)]
+    pub locked: Vec<String>,
 }
 
 #[derive(Deserialize)]

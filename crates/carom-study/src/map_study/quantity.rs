@@ -59,6 +59,8 @@ pub(super) enum Quantity {
     EnergyLoss,
     EnergyRatio,
     JointJump,
+    JointLoad,
+    JointImpulse,
     LimitShare,
     LimitJoint,
     ImpactEllipse,
@@ -98,7 +100,7 @@ impl Wants {
 use Quantity as Q;
 
 /// Name of each quantity in a study file, and its unit.
-const KNOWN: [(&str, &str, Quantity); 27] = [
+const KNOWN: [(&str, &str, Quantity); 29] = [
     ("mode", "", Q::Mode),
     ("flags", "", Q::Flags),
     ("tangential_jump", "m/s", Q::TangentialJump),
@@ -114,6 +116,8 @@ const KNOWN: [(&str, &str, Quantity); 27] = [
     ("energy_loss", "J", Q::EnergyLoss),
     ("energy_ratio", "", Q::EnergyRatio),
     ("joint_jump", "rad/s or m/s", Q::JointJump),
+    ("joint_load", "N m s or N s", Q::JointLoad),
+    ("joint_impulse", "", Q::JointImpulse),
     ("limit_share", "", Q::LimitShare),
     ("limit_joint", "", Q::LimitJoint),
     ("impact_ellipse", "N s", Q::ImpactEllipse),
@@ -174,6 +178,9 @@ impl Quantity {
         };
         let each = |parts: &[&str]| parts.iter().map(|part| one(part)).collect();
         let velocity = |(joint, unit): &(String, &'static str)| Column::number(format!("{name}.{joint}")).in_unit(unit);
+        let impulse = |joint: &str, unit: &str| {
+            Column::number(format!("{name}.{joint}")).in_unit(if unit == "m/s" { "N s" } else { "N m s" })
+        };
         match self {
             Q::Mode | Q::ModeBeyond => vec![Column::word(name, MODES)],
             Q::ModeEdge => vec![Column::word(name, EDGES.map(Edge::name))],
@@ -183,6 +190,7 @@ impl Quantity {
             Q::ImpactEllipse => each(&["long", "middle", "short"]),
             Q::Position => each(&["x", "y", "z"]),
             Q::QdMinus | Q::QdPlus => joints.iter().map(velocity).collect(),
+            Q::JointImpulse => joints.iter().map(|(joint, unit)| impulse(joint, unit)).collect(),
             _ => vec![Column::number(name).in_unit(unit)],
         }
     }

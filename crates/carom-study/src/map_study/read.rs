@@ -230,6 +230,7 @@ impl Reading<'_> {
             ranges,
             limits,
             tangential_restitution,
+            added: self.added()?,
             axes,
             laws: impact.law.0.iter().filter_map(|law| AnyLaw::named(law, Coefficients::default())).collect(),
             wants: Wants::of(&quantities),
@@ -352,6 +353,17 @@ impl Reading<'_> {
             }
         }
         Ok(Pointing::new(placed.turn * axis, placed.basis.tr_mul(&direction)))
+    }
+
+    /// The inertia that locked joints add to M.
+    fn added(&self) -> Result<Vec<f64>, String> {
+        let names: Vec<&str> = own(self.chain).map(|joint| joint.name.as_str()).collect();
+        let locked = &self.file.impact.locked;
+        if let Some(name) = locked.iter().find(|name| !names.contains(&name.as_str())) {
+            return Err(format!("[impact] locked holds \"{name}\": {}", nearest(name, &names)));
+        }
+        let added = |name: &&str| if locked.iter().any(|own| own == name) { f64::INFINITY } else { 0.0 };
+        Ok(if locked.is_empty() { Vec::new() } else { names.iter().map(added).collect() })
     }
 
     fn quantities(&self, limited: &[String]) -> Result<Vec<Quantity>, String> {

@@ -182,6 +182,17 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
                 // exact, as T⁻ = ½ u⁻ᵀH⁻¹u⁻ for the velocities of least kinetic energy
                 Q::EnergyRatio => (1.0 + hit.energy_change / hit.energy_before, 1),
                 Q::JointJump => (self.jump.iter().fold(0.0, |worst, x| x.abs().max(worst)), 1),
+                Q::JointLoad => {
+                    let p = condition.axes * hit.impulse;
+                    let columns = self.response().jacobian.iter();
+                    (columns.map(|column| column.dot(&p).abs()).fold(0.0, f64::max), 1)
+                }
+                Q::JointImpulse => {
+                    let p = condition.axes * hit.impulse;
+                    let columns = self.response().jacobian;
+                    out[at..].iter_mut().zip(columns).for_each(|(x, column)| *x = column.dot(&p));
+                    (out[at], columns.len())
+                }
                 Q::LimitShare => (worst.1, 1),
                 Q::LimitJoint => (worst.0 as f64, 1),
                 Q::ImpactEllipse => {

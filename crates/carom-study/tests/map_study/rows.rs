@@ -3,13 +3,13 @@
 use crate::map_study::{robot, study};
 use carom_chain::Chain;
 use carom_impact::{Coefficients, law_by_name};
-use carom_sim::{ChainImpact, Impacts};
+use carom_sim::{ChainImpact, Impacts, JointModel};
 use carom_study::map_study::{CLASSES, Evaluator, Study};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
 const EVERYTHING: &str = r#""mode", "tangential_jump", "tangential_after", "normal_after", "impulse", "effective_mass", "coupling",
-    "energy_loss", "energy_ratio", "joint_jump", "limit_share", "limit_joint", "qd_minus", "qd_plus", "position""#;
+    "energy_loss", "energy_ratio", "joint_jump", "joint_load", "joint_impulse", "limit_share", "limit_joint", "qd_minus", "qd_plus", "position""#;
 
 /// A row by the names of its columns.
 struct Row(BTreeMap<String, f64>);
@@ -76,6 +76,13 @@ fn compare(
     }
     let jump: Vec<f64> = qd.iter().zip(&hit.qd_plus).map(|(a, b)| (b - a).abs()).collect();
     close("joint jump", row.get("joint_jump"), jump.iter().copied().fold(0.0, f64::max), fastest);
+    let strike = chain.impact(q, &qd).at(chain.frame("tip").unwrap()).normal(normal);
+    let loads = strike.loads(&hit).unwrap().joint_impulse;
+    let most = loads.iter().fold(0.0_f64, |most, x| x.abs().max(most));
+    close("joint load", row.get("joint_load"), most, most);
+    for (ours, theirs) in row.group("joint_impulse", &names).iter().zip(&loads) {
+        close("joint impulse", *ours, *theirs, most);
+    }
     let share = |k: usize| jump[k] / chain.joint(&names[k]).unwrap().limits.velocity.unwrap();
     let worst = (0..names.len()).map(share).fold(0.0, f64::max);
     close("limit share", row.get("limit_share"), worst, worst);
@@ -553,4 +560,49 @@ fn directions_of_the_tip_that_cannot_be_are_refused() {
         let refused = Study::from_toml(&text, ".").err().unwrap().to_string();
         assert!(refused.contains(said), "{refused}");
     }
+}
+
+/// In a map with locked joints a row is the single impact with these joints locked, for velocities of the others; a name that is no joint
+/// of the robot is refused.
+#[test]
+fn rows_with_locked_joints_are_single_impacts_with_locked_joints() {
+    let impact = r#"normal = [-1, 0, 0]
+        along = [0, -1, 0]
+        approach_deg = [30, 60]
+        speed = 0.2
+        law = "energetic"
+        restitution = 0.5
+        friction = 0.3
+        locked = ["wrist"]"#;
+    let poses = "[joints]\nshoulder = [0.4, -0.7]\nelbow = [-1.2, 0.8]\nwrist = [0.3, 1.1]";
+    let map = study("planar3", poses, impact, r#""impulse", "joint_impulse", "qd_minus", "qd_plus", "effective_mass""#);
+    let chain = Chain::from_urdf_file(robot("planar3")).unwrap();
+    let (mut evaluator, names) = (map.evaluator(), joints(&chain));
+    let law =
+        law_by_name::<3>("energetic", Coefficients { restitution: 0.5, friction: 0.3, ..Default::default() }).unwrap();
+    let mut seen = 0;
+    for index in 0..map.rows() {
+        let row = Row::of(&map, &mut evaluator, index);
+        let (q, qd) = (row.group("q", &names), row.group("qd_minus", &names));
+        assert_eq!(qd[2], 0.0, "a locked joint does not take part in the approach");
+        let locked = JointModel::Locked(&["wrist"]);
+        let strike = chain.impact(&q, &qd).at(chain.frame("tip").unwrap()).normal([-1.0, 0.0, 0.0]).joints(locked);
+        let hit = strike.resolve(law.as_ref()).unwrap();
+        assert!((row.get("impulse") - hit.impulse.norm()).abs() < 1e-11 * hit.impulse.norm());
+        for (ours, theirs) in row.group("qd_plus", &names).iter().zip(&hit.qd_plus) {
+            assert!((ours - theirs).abs() < 1e-10, "{ours} in the map, {theirs} single");
+        }
+        seen += usize::from(hit.impulse.norm() > 0.0);
+    }
+    assert_eq!(seen, 16);
+    let wrong = Study::from_toml(
+        &format!(
+            "robot = {{ urdf = {:?} }}\n{poses}\n[impact]\n{}\n[map]\nquantities = []\n",
+            robot("planar3"),
+            impact.replace("wrist", "hand")
+        ),
+        ".",
+    );
+    let why = wrong.err().unwrap().to_string();
+    assert!(why.contains("[impact] locked holds \"hand\"") && why.contains("shoulder, elbow, wrist"), "{why}");
 }
