@@ -1,6 +1,6 @@
 //! The joints and links of the file, as far as they do not depend on the algebra.
 
-use crate::urdf::{Collision, JointType, Limits, LoadReport, Visual};
+use crate::urdf::{Collision, JointType, Limits, LoadReport, NamedPose, Visual};
 use std::ops::Range;
 
 /// Which entries of q and qd belong to a joint.
@@ -81,6 +81,8 @@ pub(crate) struct About {
     pub report: LoadReport,
     /// Pairs of links that make no contact.
     pub disabled_pairs: Vec<[String; 2]>,
+    /// Poses by name.
+    pub poses: Vec<NamedPose>,
     /// The robots of a joined chain.
     pub members: Vec<Member>,
 }

@@ -283,6 +283,7 @@ fn about(robot: &Robot, links: usize, coordinates: Vec<Coordinates>) -> About {
         total_mass: robot.links.iter().filter_map(|l| l.inertial).fold(0.0, |sum, i| sum + i.mass),
         report: robot.report.clone(),
         disabled_pairs: robot.disabled_pairs.clone(),
+        poses: robot.poses.clone(),
         members: Vec::new(),
     }
 }

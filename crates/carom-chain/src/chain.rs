@@ -19,7 +19,7 @@ use crate::delassus::Structure;
 use crate::error::ChainError;
 use crate::planarize::PlanarChain;
 use crate::prepare::PreparedBody;
-use crate::urdf::{LoadReport, suggestion};
+use crate::urdf::{LoadReport, NamedPose, suggestion};
 use num_traits::Zero;
 use std::sync::{Arc, OnceLock};
 
@@ -91,6 +91,10 @@ impl<A: Algebra> Chain<A> {
     /// ([`LoadOptions::srdf`](crate::urdf::LoadOptions::srdf)).
     pub fn disabled_pairs(&self) -> &[[String; 2]] {
         &self.about.disabled_pairs
+    }
+    /// The poses that the SRDF names ([`LoadOptions::srdf`](crate::urdf::LoadOptions::srdf)); none of a chain of several robots.
+    pub fn poses(&self) -> &[NamedPose] {
+        &self.about.poses
     }
     /// The robots of a chain that [`Chain::join`] has made, with their entries of q and qd; empty for any other chain.
     pub fn members(&self) -> &[Member] {
@@ -296,6 +300,25 @@ impl<A: Algebra> Chain<A> {
             body.rotor = inertia;
         }
         Ok(Self::of(geared.about, geared.bodies, geared.frames, geared.nq, geared.nv))
+    }
+
+    /// The same chain with another effort limit of a joint, N m or N: motors of a simulation that obeys effort limits give no more.
+    ///
+    /// # Errors
+    /// [`ChainError::UnknownJoint`]; [`ChainError::OutOfRange`] for a number that is negative or NaN.
+    pub fn with_effort_limit(&self, joint: &str, effort: f64) -> Result<Self, ChainError> {
+        if effort.is_nan() || effort < 0.0 {
+            return Err(ChainError::OutOfRange {
+                what: "effort limit",
+                value: effort,
+                rule: "it must not be negative",
+            });
+        }
+        self.joint(joint)?;
+        let mut limited = self.clone();
+        let own = Arc::make_mut(&mut limited.about).joints.iter_mut().filter(|own| own.name == joint);
+        own.for_each(|own| own.limits.effort = Some(effort));
+        Ok(limited)
     }
 
     /// The reflected inertia of the rotor of each velocity coordinate: see [`Chain::with_rotor_inertia`].

@@ -73,6 +73,7 @@ fn one_link(kind: JointType, inertial: Option<Inertial>) -> Robot {
         joints: vec![joint],
         root: 0,
         disabled_pairs: Vec::new(),
+        poses: Vec::new(),
         report: Default::default(),
     }
 }

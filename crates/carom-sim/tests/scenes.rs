@@ -183,3 +183,93 @@ fn a_tip_starts_with_its_velocity_in_the_motion_asked_for() {
         assert!(refused.contains(words), "{refused}");
     }
 }
+
+const TWO_LINKS: &str = r#"<robot name='two'><link name='base'/>
+  <link name='upper'><inertial><mass value='1'/><inertia ixx='0.1' ixy='0' ixz='0' iyy='0.1' iyz='0' izz='0.1'/></inertial></link>
+  <link name='lower'><inertial><mass value='1'/><inertia ixx='0.1' ixy='0' ixz='0' iyy='0.1' iyz='0' izz='0.1'/></inertial>
+    <collision><geometry><sphere radius='0.1'/></geometry></collision></link>
+  <joint name='lift' type='prismatic'><parent link='base'/><child link='upper'/><axis xyz='0 0 1'/>
+    <limit lower='-0.5' upper='3' effort='100' velocity='9'/></joint>
+  <joint name='turn' type='revolute'><parent link='upper'/><child link='lower'/><axis xyz='0 1 0'/>
+    <limit lower='-3' upper='3' effort='100' velocity='9'/></joint></robot>"#;
+const POSES: &str = "<robot name='two'><group_state name='up' group='arm'><joint name='lift' value='1.5'/></group_state>
+  <group_state name='up' group='hand'><joint name='turn' value='-0.4'/><joint name='finger' value='1'/></group_state></robot>";
+
+fn two_links(text: &str) -> Result<Scene, carom_sim::SimError> {
+    carom_testing::scenes::scene(&[("two.urdf", TWO_LINKS), ("two.srdf", POSES)], text)
+}
+
+/// Joints by name, the others at zero; a pose by name has the positions of all its groups, and is the target of a controller, too.
+#[test]
+fn positions_are_read_by_joint_names_and_by_the_poses_of_the_srdf() {
+    let start = |q: &str| {
+        two_links(&format!("robot = {{ urdf = 'two.urdf', srdf = 'two.srdf', q = {q} }}\nrun = {{ duration = 1 }}"))
+    };
+    assert_eq!(start("{ turn = 0.3 }").unwrap().q, [0.0, 0.3]);
+    assert_eq!(start("'up'").unwrap().q, [1.5, -0.4]);
+    let text = "robot = { urdf = 'two.urdf', srdf = 'two.srdf', q = [1, 0] }\n[run]\nduration = 3\ncontroller = 'pd'\ntarget = 'up'\nkp = 400\nkd = 40\ngravity = [0, 0, 0]";
+    let scene = two_links(text).unwrap();
+    let run = scene.simulation.run(&scene.q, &scene.qd, scene.duration).unwrap();
+    let last = run.summary.last.q;
+    assert!((last[0] - 1.5).abs() < 1e-6 && (last[1] + 0.4).abs() < 1e-6, "{last:?}");
+    for (q, words) in [
+        ("'down'", "q = \"down\": the poses of the SRDF are up"),
+        ("{ tun = 1 }", "q names the joint 'tun': the joints with one coordinate are lift, turn"),
+    ] {
+        let refused = start(q).unwrap_err().to_string();
+        assert!(refused.contains(words), "{refused}");
+    }
+}
+
+/// A motor gives no more than its effort limit, that of the scene before that of the URDF: with 30 N it lifts 2 kg at 30/2 − 9.81 m/s².
+#[test]
+fn effort_limits_of_a_scene_replace_those_of_the_urdf() {
+    let text = |effort: &str, limited: bool| {
+        format!(
+            "robot = {{ urdf = 'two.urdf', q = [0, 0], {effort} }}\n[run]\nduration = 0.2\ncontroller = 'constant'\ntorque = [80, 0]\neffort_limits = {limited}"
+        )
+    };
+    let height = |text: &str| {
+        let scene = two_links(text).unwrap();
+        scene.simulation.run(&scene.q, &scene.qd, scene.duration).unwrap().summary.last.q[0]
+    };
+    for (effort, force) in [("effort = { lift = 30 }", 30.0), ("", 80.0)] {
+        let expected = 0.5 * (force / 2.0 - 9.81) * 0.04;
+        assert!((height(&text(effort, true)) - expected).abs() < 1e-9, "{effort}");
+    }
+    for (text, words) in [
+        (text("effort = { lift = 30 }", false), "[robot] effort is read with [run] effort_limits = true only"),
+        (text("effort = { lfit = 30 }", true), "effort: no joint is named 'lfit'"),
+        (text("effort = { lift = -1 }", true), "effort: effort limit is -1: it must not be negative"),
+    ] {
+        let refused = two_links(&text).unwrap_err().to_string();
+        assert!(refused.contains(words), "{refused}");
+    }
+}
+
+/// A contact that is switched off does not act: the ball falls through one floor onto the next, and a joint passes its limit.
+#[test]
+fn contacts_that_are_disabled_do_not_act() {
+    let text = |pairs: &str| {
+        format!(
+            "robot = {{ urdf = 'two.urdf', q = [1, 0] }}\nrun = {{ duration = 1 }}
+             [[surface]]\nname = 'upper floor'\nshape = {{ halfspace = {{ point = [0, 0, 0.5], normal = [0, 0, 1] }} }}
+             [[surface]]\nname = 'floor'\nshape = {{ halfspace = {{ point = [0, 0, -0.3], normal = [0, 0, 1] }} }}
+             [contact]\nlaw = 'newton'\nrestitution = 0\n{pairs}"
+        )
+    };
+    let end = |pairs: &str| {
+        let scene = two_links(&text(pairs)).unwrap();
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        scene.simulation.run(&scene.q, &scene.qd, scene.duration).unwrap().summary.last.q[0]
+    };
+    let off = |what: &str| format!("[[contact.pair]]\n{what}\ndisabled = true\n");
+    let upper = off("link = 'lower'\nsurface = 'upper floor'");
+    assert!((end("") - 0.6).abs() < 1e-9, "the ball rests on the upper floor");
+    assert!((end(&upper) + 0.2).abs() < 1e-9, "the ball rests on the floor");
+    assert!((end(&(upper.clone() + &off("surface = 'floor'"))) + 0.5).abs() < 1e-9, "the slider rests on its limit");
+    let all = upper + &off("surface = 'floor'") + &off("joint = 'lift'");
+    assert!((end(&all) - (1.0 - 0.5 * 9.81)).abs() < 1e-9, "nothing stops it");
+    let refused = two_links(&text(&(off("link = 'lower'") + "friction = 1\n"))).unwrap_err().to_string();
+    assert!(refused.contains("[[contact.pair]] has disabled = true, and values of a contact"), "{refused}");
+}

@@ -126,13 +126,11 @@ fn read_document(
     }
     transmission::read_rotors(source, &mut joints, &mut warnings)?;
 
-    let disabled_pairs = match &options.srdf {
-        Some(path) => srdf::disabled_pairs(path, &links, &mut warnings)?,
-        None => Vec::new(),
-    };
+    let srdf = options.srdf.as_ref().map(|path| srdf::read(path, &links, &joints, &mut warnings)).transpose()?;
+    let srdf::Srdf { disabled_pairs, poses } = srdf.unwrap_or_default();
     let name = if urdf.name.is_empty() { "unnamed".into() } else { urdf.name };
     let report = warnings.report(source.file, options.strict)?;
-    Ok(Robot { name, links, joints, root: tree.root, disabled_pairs, report })
+    Ok(Robot { name, links, joints, root: tree.root, disabled_pairs, poses, report })
 }
 
 /// The text with `version` in its XML declaration where the file has `verison`, a misspelling in many published files.

@@ -17,8 +17,19 @@ pub struct Robot {
     pub root: usize,
     /// The pairs of links between which the SRDF ([`LoadOptions::srdf`](super::LoadOptions::srdf)) disables collisions.
     pub disabled_pairs: Vec<[String; 2]>,
+    /// The poses that the SRDF names.
+    pub poses: Vec<NamedPose>,
     /// What loading has found and changed.
     pub report: LoadReport,
+}
+
+/// Positions of joints under a name: `<group_state>` of an SRDF.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedPose {
+    /// Its name.
+    pub name: String,
+    /// Joints with their positions, rad or m.
+    pub positions: Vec<(String, f64)>,
 }
 
 /// What loading has found in a file and changed.

@@ -1,7 +1,8 @@
-//! Reads from an SRDF which pairs of links are not checked for collision. Groups, states and end effectors are not used.
+//! Reads from an SRDF which pairs of links are not checked for collision, and poses by name (`<group_state>`). Groups and end effectors
+//! are not used.
 
 use super::names::listed;
-use super::robot::Link;
+use super::robot::{Joint, Link, NamedPose};
 use super::source::{Source, check_limits, not_xml, read_text};
 use super::warnings::Warnings;
 use crate::error::ChainError;
@@ -9,17 +10,20 @@ use roxmltree::{Document, Node};
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
+/// What this crate reads from an SRDF.
+#[derive(Default)]
+pub(super) struct Srdf {
+    pub disabled_pairs: Vec<[String; 2]>,
+    pub poses: Vec<NamedPose>,
+}
+
 /// The pairs that `<disable_collisions>` names, and those of `<disable_default_collisions>` that no `<enable_collisions>`
-/// enables again. Each pair is in the order of the links in the URDF.
+/// enables again, each in the order of the links in the URDF; and the positions of all `<group_state>` of a name, whatever their groups.
 ///
 /// # Errors
 /// [`ChainError::Unreadable`]; [`ChainError::Urdf`] with file and line for XML that is not well-formed, another root than
 /// `<robot>`, and a missing attribute.
-pub(super) fn disabled_pairs(
-    path: &Path,
-    links: &[Link],
-    warnings: &mut Warnings,
-) -> Result<Vec<[String; 2]>, ChainError> {
+pub(super) fn read(path: &Path, links: &[Link], joints: &[Joint], warnings: &mut Warnings) -> Result<Srdf, ChainError> {
     let text = read_text(path)?;
     let file = path.display().to_string();
     check_limits(&file, &text)?;
@@ -29,7 +33,8 @@ pub(super) fn disabled_pairs(
         return Err(source.error(source.root, None, "is not an SRDF: its root must be <robot>"));
     }
     let places: HashMap<&str, usize> = links.iter().enumerate().map(|(k, link)| (link.name.as_str(), k)).collect();
-    let mut unknown = BTreeSet::new();
+    let (mut unknown, mut strange) = (BTreeSet::new(), BTreeSet::new());
+    let mut poses: Vec<NamedPose> = Vec::new();
     let mut index = |node: Node, attribute: &str| -> Result<Option<usize>, ChainError> {
         let name = node
             .attribute(attribute)
@@ -54,6 +59,27 @@ pub(super) fn disabled_pairs(
                     disabled.extend((0..links.len()).filter(|b| *b != a).map(|b| (a.min(b), a.max(b))));
                 }
             }
+            "group_state" => {
+                let missing = |node, attribute| source.error(node, Some(attribute), "is missing");
+                let name = node.attribute("name").ok_or_else(|| missing(node, "name"))?;
+                let at = poses.iter().position(|pose| pose.name == name).unwrap_or_else(|| {
+                    poses.push(NamedPose { name: name.to_owned(), positions: Vec::new() });
+                    poses.len() - 1
+                });
+                for joint in node.children().filter(|child| child.has_tag_name("joint")) {
+                    let own = joint.attribute("name").ok_or_else(|| missing(joint, "name"))?;
+                    let value = joint.attribute("value").ok_or_else(|| missing(joint, "value"))?;
+                    if !joints.iter().any(|known| known.name == own) {
+                        strange.insert(own.to_owned());
+                        continue;
+                    }
+                    let number = value.trim().parse::<f64>().ok().filter(|x| x.is_finite());
+                    let rule =
+                        "is not one finite number: a pose by name holds the positions of hinges and sliders, rad or m";
+                    let number = number.ok_or_else(|| source.error(joint, Some("value"), rule))?;
+                    poses[at].positions.push((own.to_owned(), number));
+                }
+            }
             _ => {}
         }
     }
@@ -61,6 +87,11 @@ pub(super) fn disabled_pairs(
         let names: Vec<&str> = unknown.iter().map(String::as_str).collect();
         warnings.note_text(format!("{file} names links that the robot does not have: {}", listed(&names)));
     }
+    if !strange.is_empty() {
+        let names: Vec<&str> = strange.iter().map(String::as_str).collect();
+        warnings.note_text(format!("{file} names joints that the robot does not have: {}", listed(&names)));
+    }
     let name = |k: usize| links[k].name.clone();
-    Ok(disabled.difference(&enabled).map(|&(a, b)| [name(a), name(b)]).collect())
+    let disabled_pairs = disabled.difference(&enabled).map(|&(a, b)| [name(a), name(b)]).collect();
+    Ok(Srdf { disabled_pairs, poses })
 }

@@ -59,6 +59,7 @@ pub fn robot(joints: usize, zoo: Zoo, rng: &mut fastrand::Rng) -> Robot {
         joints: vec![],
         root: 0,
         disabled_pairs: vec![],
+        poses: vec![],
         report: Default::default(),
     };
     robot.links.push(Link { name: "link0".into(), inertial: Some(inertial(rng)), collisions: vec![], visuals: vec![] });

@@ -314,7 +314,7 @@ impl Plan {
     fn gravity(&mut self) {
         let gravity = self.simulation.gravity;
         if gravity == Vector3::zeros() {
-            self.keep("gravity", "none", "the scene sets none");
+            self.keep("gravity", "none", "set by the scene: nothing falls");
             return;
         }
         let square = self.in_plane().is_some_and(|flat| flat.plane.project(gravity).norm() == 0.0);
@@ -326,7 +326,7 @@ impl Plan {
                 "it acts perpendicular to the plane: joint constraint forces balance it",
             );
         } else {
-            self.keep("gravity", format!("({x}, {y}, {z}) m/s²"), "set by the scene");
+            self.keep("gravity", format!("({x}, {y}, {z}) m/s²"), "acceleration of free fall");
         }
     }
 

@@ -151,9 +151,9 @@ pub(crate) fn apply(
     (pair, own): (&Pair, &ContactKeys),
     chain: &Chain,
     surfaces: &[Surface],
-    touches: &mut [Touch],
+    touches: &mut Vec<Touch>,
 ) -> Result<bool, String> {
-    let Pair { link, surface, joint } = pair;
+    let Pair { link, surface, joint, disabled } = pair;
     if joint.is_some() == (link.is_some() || surface.is_some()) {
         return Err("needs link, surface or both, or else joint (for its limits)".into());
     }
@@ -180,26 +180,29 @@ pub(crate) fn apply(
                     tangential_restitution, friction and compliance";
         return Err(rule.into());
     }
-    let mut met = false;
-    for touch in touches {
-        let meant = match joint {
-            Some(joint) => touch.limit_of() == Some(joint),
-            None => {
-                let is = |wanted: &Option<String>, link| wanted.as_deref().is_none_or(|name| means(name, link));
-                let (own, other) = (touch.link(), touch.other_link());
-                let named = match other {
-                    // A pair of links has no order.
-                    Some(_) => (is(link, own) && is(surface, other)) || (is(link, other) && is(surface, own)),
-                    None => is(link, own) && surface.as_deref().is_none_or(|surface| touch.surface() == Some(surface)),
-                };
-                touch.limit_of().is_none() && named
-            }
-        };
-        if meant {
-            met = true;
-            touch.contact = overridden(&touch.contact, own)?;
-            touch.contact.check(&touch.name).map_err(|e| e.to_string())?;
+    let meant = |touch: &Touch| match joint {
+        Some(joint) => touch.limit_of() == Some(joint),
+        None => {
+            let is = |wanted: &Option<String>, link| wanted.as_deref().is_none_or(|name| means(name, link));
+            let (own, other) = (touch.link(), touch.other_link());
+            let named = match other {
+                // A pair of links has no order.
+                Some(_) => (is(link, own) && is(surface, other)) || (is(link, other) && is(surface, own)),
+                None => is(link, own) && surface.as_deref().is_none_or(|surface| touch.surface() == Some(surface)),
+            };
+            touch.limit_of().is_none() && named
         }
+    };
+    let met = touches.iter().any(meant);
+    if *disabled {
+        if own.is_given() {
+            return Err("has disabled = true, and values of a contact that does not act: remove one of them".into());
+        }
+        touches.retain(|touch| !meant(touch));
+    }
+    for touch in touches.iter_mut().filter(|touch| meant(touch)) {
+        touch.contact = overridden(&touch.contact, own)?;
+        touch.contact.check(&touch.name).map_err(|e| e.to_string())?;
     }
     Ok(met)
 }

@@ -14,12 +14,13 @@ pub(crate) enum PerJoint {
     Named(BTreeMap<String, f64>),
 }
 
-/// nq numbers, or a table of numbers by joint name.
+/// nq numbers, a table of numbers by joint name, or the name of a pose in the SRDF.
 #[derive(Deserialize, Clone, Debug, PartialEq)]
-#[serde(untagged, expecting = "a list of numbers, or a table of numbers by joint name")]
+#[serde(untagged, expecting = "a list of numbers, a table of numbers by joint name, or the name of a pose in the SRDF")]
 pub(crate) enum Target {
     Each(Vec<f64>),
     Named(BTreeMap<String, f64>),
+    Pose(String),
 }
 
 #[derive(Deserialize, Default, PartialEq, Clone, Copy)]

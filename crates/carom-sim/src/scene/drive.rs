@@ -5,7 +5,7 @@ use super::surface::half_space;
 use super::table::Columns;
 use crate::contact::Surface;
 use crate::model::{Drive, Gains, ImpactInvariant, Pd, Reference, TorqueTable, Tracking, Transition, motors};
-use carom_chain::{Chain, ChainError};
+use carom_chain::{Chain, ChainError, Coordinates};
 use nalgebra::Vector3;
 use std::path::Path;
 
@@ -68,7 +68,7 @@ impl Drives<'_> {
         };
         let wanted = || {
             let given = run.target.as_ref().ok_or_else(|| needs("target: {} keeps the positions at the start"))?;
-            target(given, self.chain, self.q).map_err(|why| format!("{table} {why}"))
+            positions("target", given, self.chain, self.q).map_err(|why| format!("{table} {why}"))
         };
         Ok(match controller {
             Controller::Off => Drive::Off,
@@ -189,16 +189,33 @@ fn named<'h>(
     })
 }
 
-/// nq numbers; joints that a table does not name keep their position at the start.
-fn target(given: &Target, chain: &Chain, start: &[f64]) -> Result<Vec<f64>, String> {
+/// The positions that `key` gives; joints that are not named keep those of `start`.
+pub(crate) fn positions(key: &str, given: &Target, chain: &Chain, start: &[f64]) -> Result<Vec<f64>, String> {
+    let with = |values: &mut dyn Iterator<Item = (&String, f64)>| {
+        let (mut target, hinges) = (start.to_vec(), hinges(chain));
+        for (name, value) in values {
+            target[named(key, name, &hinges)?.1] = value;
+        }
+        Ok(target)
+    };
     match given {
         Target::Each(values) => Ok(values.clone()),
-        Target::Named(values) => {
-            let (mut target, hinges) = (start.to_vec(), hinges(chain));
-            for (name, value) in values {
-                target[named("target", name, &hinges)?.1] = *value;
-            }
-            Ok(target)
+        Target::Named(values) => with(&mut values.iter().map(|(name, value)| (name, *value))),
+        Target::Pose(name) => {
+            let pose = chain.poses().iter().find(|pose| pose.name == *name).ok_or_else(|| {
+                let known: Vec<&str> = chain.poses().iter().map(|pose| pose.name.as_str()).collect();
+                let known = if known.is_empty() {
+                    "none: give srdf, a file with <group_state>".into()
+                } else {
+                    known.join(", ")
+                };
+                format!("{key} = \"{name}\": the poses of the SRDF are {known}")
+            })?;
+            // A pose of the file may name fixed and mimic joints, too, which have no position of their own.
+            let own = |joint: &str| {
+                chain.joint(joint).is_ok_and(|joint| matches!(joint.coordinates, Coordinates::Own { .. }))
+            };
+            with(&mut pose.positions.iter().filter(|(joint, _)| own(joint)).map(|(joint, x)| (joint, *x)))
         }
     }
 }

@@ -10,6 +10,7 @@ use carom_chain::ToolMotion;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{MapAccess, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -146,8 +147,9 @@ key_group! {
 key_group! {
     pub(crate) struct Start needs [] {
         srdf: Option<PathBuf>,
-        q: Option<Vec<f64>>,
+        q: Option<Target>,
         qd: Option<Vec<f64>>,
+        effort: BTreeMap<String, f64>,
         tip_velocity: Option<TipVelocity>,
         floating: bool,
         beam: Vec<Beam>,
@@ -287,6 +289,16 @@ key_group! {
     }
 }
 
+impl ContactKeys {
+    /// Whether any value is given.
+    pub fn is_given(&self) -> bool {
+        let Self { law, restitution, tangential_restitution, friction, latch, compliance, relative_stiffness } = self;
+        let coefficients = [restitution, tangential_restitution, friction, relative_stiffness];
+        let others = law.is_some() || latch.is_some() || compliance.is_some();
+        others || coefficients.into_iter().any(Option::is_some)
+    }
+}
+
 key_group! {
     /// The other keys of `[contact]`.
     pub(crate) struct Contact needs [] {
@@ -305,6 +317,7 @@ key_group! {
         link: Option<String>,
         surface: Option<String>,
         joint: Option<String>,
+        disabled: bool,
     }
 }
 
@@ -377,7 +390,7 @@ key_group! {
     pub(crate) struct Run needs [duration] {
         duration: f64,
         tolerance: f64 = 1e-9,
-        gravity: [f64; 3],
+        gravity: [f64; 3] = [0.0, 0.0, -9.81],
         sample: Option<f64>,
         max_step: Option<f64>,
         zeno_time: Option<f64>,

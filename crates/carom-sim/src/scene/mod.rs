@@ -124,6 +124,7 @@ impl Scene {
         let robots = file.robot.load(folder, &refuse)?;
         let chain = robots.chain.clone();
         let (Table((given, contact)), Table((run, control))) = (&file.contact, &file.run);
+        robots.check_efforts(run.effort_limits).map_err(&refuse)?;
         let rule = overridden(&ContactRule::default(), given).map_err(|why| refuse(format!("[contact] {why}")))?;
         rule.check("[contact]").map_err(|e| refuse(e.to_string()))?;
         let surfaces = file.surface.iter().enumerate();

@@ -1,8 +1,8 @@
 //! The robots of a scene: `[robot]`, or one `[[robot]]` for each of several.
 
 use super::beam::{divided, straight};
-use super::drive::{Drives, World};
-use super::file::{Control, Member, Robots};
+use super::drive::{Drives, World, positions};
+use super::file::{Control, Member, Robots, Target};
 use super::keys::TIP;
 use super::tip_velocity::tip_velocity;
 use crate::contact::Surface;
@@ -81,6 +81,9 @@ impl One {
         let mut rotors = options.rotor_inertia.iter();
         let chain = Chain::from_robot(robot, &options);
         let chain = rotors.try_fold(chain, |chain, (joint, inertia)| chain.with_rotor_inertia(joint, *inertia))?;
+        let chain =
+            given.start.effort.iter().try_fold(chain, |chain, (joint, limit)| chain.with_effort_limit(joint, *limit));
+        let chain = chain.map_err(|why| said(format!("effort: {why}")))?;
         chain.check_dynamics()?;
         let q = start(&chain, &given).map_err(said)?;
         let robot = Self { name, table, chain, q, springs, given };
@@ -129,11 +132,20 @@ fn start(chain: &Chain, given: &Member) -> Result<Vec<f64>, String> {
         Vec::new()
     };
     let lengths = [chain.nq(), chain.nq() - base.len()];
-    let q = given.start.q.clone().map(|q| straight(q, &given.start.beam, &lengths));
+    let q = match &given.start.q {
+        Some(Target::Each(q)) => Some(straight(q.clone(), &given.start.beam, &lengths)),
+        Some(by_name) => {
+            let mut rest = chain.zero_configuration();
+            rest[..base.len()].copy_from_slice(&base);
+            Some(positions("q", by_name, chain, &rest)?)
+        }
+        None => None,
+    };
+    let is_list = matches!(given.start.q, Some(Target::Each(_)));
     match &q {
         None => Ok(chain.zero_configuration().iter().enumerate().map(|(k, x)| *base.get(k).unwrap_or(x)).collect()),
         Some(q) if !base.is_empty() && q.len() + base.len() == chain.nq() => Ok([base.as_slice(), q].concat()),
-        Some(q) if !base.is_empty() && q.len() == chain.nq() && placed => Err(format!(
+        Some(q) if !base.is_empty() && q.len() == chain.nq() && placed && is_list => Err(format!(
             "q has {} numbers, of which the first seven are the pose of the floating base, which position and rpy also give: \
              give one of them",
             q.len()
@@ -148,6 +160,16 @@ fn start(chain: &Chain, given: &Member) -> Result<Vec<f64>, String> {
 }
 
 impl Loaded {
+    /// Refuses effort limits of robots in a scene whose motors have none.
+    pub fn check_efforts(&self, are_limited: bool) -> Result<(), String> {
+        match self.robots.iter().find(|robot| !robot.given.start.effort.is_empty() && !are_limited) {
+            Some(One { table, .. }) => {
+                Err(format!("{table} effort is read with [run] effort_limits = true only: set it, or remove effort"))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// The springs of all beams.
     pub fn springs(&self) -> impl Iterator<Item = Spring> {
         self.robots.iter().flat_map(|it| it.springs.clone())
