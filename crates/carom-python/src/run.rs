@@ -274,7 +274,7 @@ pub fn record(py: Python<'_>, run: &Bound<'_, Run>, path: PathBuf) -> PyResult<(
 #[cfg(not(feature = "rerun"))]
 pub fn record(run: &Bound<'_, Run>, _path: PathBuf) -> PyResult<()> {
     let message = format!(
-        "{} is not recorded: this package is built without recordings; build it with maturin build --features rerun, or use \
+        "{} is not recorded: this package is built without recordings (--no-default-features); build it without that option, or use \
          carom simulate --out",
         run.get().__repr__()
     );

@@ -37,6 +37,8 @@ def test_every_snippet_of_a_page_runs(path, monkeypatch, tmp_path):
     names, found = {}, snippets(path)
     assert found
     for snippet in found:
+        if "carom.record(" in snippet and not carom.can_record():
+            continue
         exec(snippet.replace('"out/', f'"{tmp_path}/'), names)
 
 

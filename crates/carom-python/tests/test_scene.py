@@ -251,7 +251,7 @@ records = pytest.mark.skipif(not carom.can_record(), reason="this wheel is built
 
 @pytest.mark.skipif(carom.can_record(), reason="this wheel is built with recordings")
 def test_a_wheel_without_recordings_says_how_to_get_them(bounce, tmp_path):
-    with pytest.raises(carom.RecordError, match="--features rerun"):
+    with pytest.raises(carom.RecordError, match="--no-default-features"):
         carom.record(bounce, tmp_path / "run.rrd")
     assert list(tmp_path.iterdir()) == []
 
