@@ -55,6 +55,10 @@ def test_the_examples_run(path, tmp_path):
     assert done.stdout.strip()
 
 
+def test_the_script_of_the_types_runs():
+    exec(compile((HERE / "tests/typed.py").read_text(), "typed.py", "exec"), {})
+
+
 def members(tree):
     """Names of the module, and of the members of each class, in a stub."""
     names = {}

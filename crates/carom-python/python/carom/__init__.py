@@ -53,12 +53,13 @@ from ._errors import (
     StudyError,
     UrdfError,
 )
+from ._results import Energies
 
 __version__ = _metadata.version("carom")
 
 
 class Flags(_enum.IntFlag):
-    """The bits of ``Impacts.flags``."""
+    """The bits of ``Impacts.flag_bits``."""
 
     ENERGY_GAIN = 1
     JAM = 2
@@ -187,6 +188,7 @@ def record(run, to):
         to.send_chunks(RrdReader(path).stream())
 
 
+# Without `map`: `from carom import *` keeps Python's own.
 __all__ = [
     "Brach",
     "CaromError",
@@ -194,6 +196,7 @@ __all__ = [
     "ChainError",
     "ChatterjeeRuina",
     "Energetic",
+    "Energies",
     "Event",
     "Fit",
     "FitError",
@@ -226,6 +229,5 @@ __all__ = [
     "diagram",
     "fit",
     "law",
-    "map",
     "record",
 ]
