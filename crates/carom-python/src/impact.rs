@@ -6,6 +6,7 @@ use crate::dynamics::free_fall;
 use crate::error::{exceptions, raise};
 use crate::impacts::{self, Each, Impacts};
 use crate::laws::{GivenLaw, each_law};
+use crate::notebook;
 use crate::pickle::fields;
 use carom_impact::{CoefficientRanges, Flags};
 use carom_sim::{ChainImpact, ImpactBand, ImpactDerivative, Impacts as _, JointModel, Saltation, Strike};
@@ -232,6 +233,25 @@ impl Impact {
             "closing": found.closing,
             "time": list(py, found.time.as_slice())?,
         }))
+    }
+
+    /// Draws the velocities of the contact point before and after, and the impulse, by world axes, with matplotlib.
+    ///
+    /// Args:
+    ///     axes: two Axes to draw into; new ones by default.
+    ///
+    /// Returns:
+    ///     The Axes.
+    ///
+    /// Raises:
+    ///     ImportError: matplotlib is not installed.
+    #[pyo3(signature = (axes=None))]
+    fn plot<'py>(this: &Bound<'py, Self>, axes: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
+        notebook::call(this.py(), "impact_plot", (this, axes))
+    }
+
+    fn _repr_html_<'py>(this: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        notebook::call(this.py(), "impact_html", (this,))
     }
 
     fn __repr__(&self) -> String {

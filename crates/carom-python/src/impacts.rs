@@ -5,6 +5,7 @@ use crate::batch::{CHUNK, first_error};
 use crate::error::InBatch;
 use crate::impact::{Derivatives, FLAGS, Impact, Wanted, bits};
 use crate::laws::{GivenLaw, texts};
+use crate::notebook;
 use crate::pickle::fields;
 use crate::threads::on_all_cores;
 use carom_impact::{Account, Flags, ImpactOutcome, Mode};
@@ -357,6 +358,10 @@ impl Impacts {
             return Err(PyValueError::new_err(format!("no flag is named '{name}': the flags are {names}")));
         };
         Self::column(py, &self.codes, 1)?.bitand(1u8 << bit)?.call_method1("astype", ("bool",))
+    }
+
+    fn _repr_html_<'py>(this: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        notebook::call(this.py(), "impacts_html", (this,))
     }
 
     fn __repr__(&self) -> String {

@@ -4,7 +4,7 @@
 //! (functions of Python), `pickle`, `chain`, `order` and `dynamics` (the class `Chain`), `laws` and `outcome` (laws on plain numbers), `impact` and
 //! `impacts`, `points` (one impact, a batch of impacts, several points), `diagram`, `table`, `controller`, `scene`, `run`, `sensitivity` and `session`
 //! (simulations),
-//! `study` and `fit`. Nothing is computed here: every method converts its arguments, calls the crates and
+//! `study` and `fit`; `notebook` (tables and plots). Nothing is computed here: every method converts its arguments, calls the crates and
 //! converts the result.
 
 /// A dict of these keys.
@@ -46,6 +46,7 @@ mod fit;
 mod impact;
 mod impacts;
 mod laws;
+mod notebook;
 mod order;
 mod outcome;
 mod pickle;

@@ -1,9 +1,10 @@
 //! A run of a scene: samples, events and lasting contacts as arrays and tables.
 
-use crate::array::{Array, array, list};
+use crate::array::{Array, Maybe, array, list};
 use crate::chain::{Chain, Origin};
 use crate::error::{exceptions, raise};
 use crate::impact::Impact;
+use crate::notebook;
 use crate::pickle::{Parts, Pickled, fields, tuple, variants};
 use crate::scene::Scene;
 use crate::table::Table;
@@ -180,6 +181,25 @@ impl Run {
     fn last<'py>(&self, py: Python<'py>) -> PyResult<(f64, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let Moment { time, q, qd } = &self.summary.last;
         Ok((*time, list(py, q)?, list(py, qd)?))
+    }
+
+    /// Draws q and qd over time, with a line at each impact, with matplotlib.
+    ///
+    /// Args:
+    ///     axes: two Axes to draw into; new ones by default.
+    ///
+    /// Returns:
+    ///     The Axes.
+    ///
+    /// Raises:
+    ///     ImportError: matplotlib is not installed.
+    #[pyo3(signature = (axes=None))]
+    fn plot<'py>(this: &Bound<'py, Self>, axes: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
+        notebook::call(this.py(), "run_plot", (this, axes))
+    }
+
+    fn _repr_html_<'py>(this: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        notebook::call(this.py(), "run_html", (this,))
     }
 
     fn __repr__(&self) -> String {

@@ -5,7 +5,7 @@ use crate::chain::{Chain, Origin};
 use crate::controller::PythonController;
 use crate::error::raise;
 use crate::laws::GivenLaw;
-use crate::pickle::{Parts, Pickled, Sources, tuple};
+use crate::pickle::{Parts, Pickled, Sources, fields, tuple};
 use crate::run::Run;
 use crate::sensitivity::{self, Sensitivity};
 use crate::session::Session;
@@ -30,7 +30,17 @@ pub struct Scene {
     pub scene: Arc<carom_sim::Scene>,
     functions: Functions,
     sources: Arc<Sources>,
+    changed: Changed,
 }
+
+/// What is not that of the text.
+#[derive(Clone, Copy, Default)]
+struct Changed {
+    start: bool,
+    duration: bool,
+}
+
+fields! { Changed { start, duration } }
 
 /// The laws that a scene was given beside its keys, and the controller in Python.
 #[derive(Clone, Default)]
@@ -65,7 +75,7 @@ impl Functions {
 /// By its text, which is read again, and by what has been changed since: start, duration, laws and controller.
 impl Pickled for Scene {
     fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let Self { scene, functions, sources } = self;
+        let Self { scene, functions, sources, changed } = self;
         let laws = functions.laws.iter().map(|own| {
             tuple(py, [own.object.write(py)?, own.link.write(py)?, own.surface.write(py)?]).map(Bound::unbind)
         });
@@ -79,6 +89,7 @@ impl Pickled for Scene {
                 scene.q.write(py)?,
                 scene.qd.write(py)?,
                 scene.duration.write(py)?,
+                changed.write(py)?,
                 laws.collect::<PyResult<Vec<Py<PyAny>>>>()?.write(py)?,
                 controller.transpose()?.write(py)?,
             ],
@@ -92,7 +103,7 @@ impl Pickled for Scene {
         sources.check(&Sources::of_text(sources.folder.clone(), &scene.files))?;
         (scene.q, scene.qd, scene.duration) = (parts.next()?, parts.next()?, parts.next()?);
         scene.files.splice(0..0, sources.file.clone());
-        let mut scene = Self { scene: Arc::new(scene), functions: Functions::default(), sources: Arc::new(sources) };
+        let mut scene = Self { changed: parts.next()?, ..Self::new(scene, sources) };
         for own in parts.next::<Vec<Py<PyAny>>>()? {
             let mut own = Parts::of(own.bind(py))?;
             let (law, link, surface): (Py<PyAny>, Option<String>, Option<String>) =
@@ -109,10 +120,15 @@ impl Pickled for Scene {
 }
 
 impl Scene {
+    fn new(scene: carom_sim::Scene, sources: Sources) -> Self {
+        let (functions, changed) = Default::default();
+        Self { scene: Arc::new(scene), functions, sources: Arc::new(sources), changed }
+    }
+
     fn of_text(py: Python<'_>, text: &str, folder: PathBuf) -> Result<Self, SimError> {
         let scene = py.detach(|| carom_sim::Scene::from_toml(text, &folder))?;
-        let sources = Arc::new(Sources::of_text(folder, &scene.files));
-        Ok(Self { scene: Arc::new(scene), functions: Functions::default(), sources })
+        let sources = Sources::of_text(folder, &scene.files);
+        Ok(Self::new(scene, sources))
     }
 
     fn other(&self, scene: carom_sim::Scene) -> Self {
@@ -125,13 +141,16 @@ impl Scene {
 
     /// The same scene.
     pub fn again(&self) -> Self {
-        Self { scene: self.scene.clone(), functions: self.functions.clone(), sources: self.sources.clone() }
+        let Self { scene, functions, sources, changed } = self;
+        Self { scene: scene.clone(), functions: functions.clone(), sources: sources.clone(), changed: *changed }
     }
 }
 
 getters! { Scene, self, py {
     /// The robot.
     chain: Chain = self.own_chain();
+    /// The folder to which names of files in the keys are relative.
+    folder: String = self.sources.folder.display().to_string();
     /// Configuration at the start, shape (nq,).
     q: Array<'py> = list(py, &self.scene.q)?;
     /// Joint velocities at the start, shape (nv,).
@@ -156,8 +175,8 @@ impl Scene {
     #[staticmethod]
     fn from_file(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let scene = py.detach(|| carom_sim::Scene::from_file(&path)).map_err(raise)?;
-        let sources = Arc::new(Sources::of_file(path, &scene.files));
-        Ok(Self { scene: Arc::new(scene), functions: Functions::default(), sources })
+        let sources = Sources::of_file(path, &scene.files);
+        Ok(Self::new(scene, sources))
     }
 
     /// Reads a scene from the text of a scene file; file names in it are relative to `folder`. Errors as `from_file`.
@@ -180,6 +199,42 @@ impl Scene {
         })
     }
 
+    /// The keys of the scene, for `from_dict`; names of files in them are relative to `folder`, so that
+    /// `Scene.from_dict(scene.to_dict(), folder=scene.folder)` is this scene.
+    ///
+    /// Raises:
+    ///     ValueError: a law or a controller was given after reading, or another start to a scene of several robots or with segments:
+    ///         no keys say it.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let refuse = |what: &str| {
+            PyValueError::new_err(format!("{what}: take the dict of the scene before, and change its keys"))
+        };
+        if !self.functions.laws.is_empty() || self.functions.controller.is_some() {
+            return Err(refuse("no keys say a law of with_law or a function of with_controller"));
+        }
+        let mut keys: toml::Table =
+            self.scene.text.parse().map_err(|e: toml::de::Error| PyValueError::new_err(e.to_string()))?;
+        let numbers = |x: &[f64]| toml::Value::from(x.to_vec());
+        if self.changed.start {
+            let robot = keys.get_mut("robot").and_then(toml::Value::as_table_mut);
+            let given = |robot: &toml::Table| robot.get("q").and_then(toml::Value::as_array).map(Vec::len);
+            let robot = robot.filter(|robot| given(robot) == Some(self.scene.q.len()));
+            let robot = robot.ok_or_else(|| {
+                refuse("the start of several robots, or of one with segments, is not in keys of its own")
+            })?;
+            robot.remove("tip_velocity");
+            robot.insert("q".into(), numbers(&self.scene.q));
+            robot.insert("qd".into(), numbers(&self.scene.qd));
+        }
+        if self.changed.duration {
+            let run = keys.entry("run").or_insert_with(|| toml::Table::new().into());
+            if let Some(run) = run.as_table_mut() {
+                run.insert("duration".into(), self.scene.duration.into());
+            }
+        }
+        Ok(pythonize(py, &keys)?.cast_into()?)
+    }
+
     /// The same scene from another start.
     ///
     /// Args:
@@ -195,12 +250,14 @@ impl Scene {
             scene.qd = chain.v("qd", qd)?.single("qd")?;
         }
         chain.chain.check_state(&scene.q, &scene.qd).map_err(raise)?;
-        Ok(self.other(scene))
+        let changed = Changed { start: true, ..self.changed };
+        Ok(Self { changed, ..self.other(scene) })
     }
 
     /// The same scene with another duration, s.
     fn with_duration(&self, duration: f64) -> Self {
-        self.other(carom_sim::Scene { duration, ..(*self.scene).clone() })
+        let changed = Changed { duration: true, ..self.changed };
+        Self { changed, ..self.other(carom_sim::Scene { duration, ..(*self.scene).clone() }) }
     }
 
     /// The same scene with another impact law at its contacts with surfaces and between links.

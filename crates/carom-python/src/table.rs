@@ -3,6 +3,7 @@
 use crate::array::{Array, Maybe, list, numpy};
 use crate::error::raise;
 use crate::laws::texts;
+use crate::notebook;
 use crate::pickle::fields;
 use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{ArrayRef, DictionaryArray, Float64Array, Int32Array, RecordBatch, RecordBatchIterator, StringArray};
@@ -176,6 +177,28 @@ impl Table {
         let schema = batch.schema();
         let stream = FFI_ArrowArrayStream::new(Box::new(RecordBatchIterator::new([Ok(batch)], schema)));
         PyCapsule::new_with_value(py, stream, c"arrow_array_stream")
+    }
+
+    /// Draws a column over another one with matplotlib.
+    ///
+    /// Args:
+    ///     y: name of the column.
+    ///     x: name of the other one; the first column by default.
+    ///     axes: the Axes to draw into; new ones by default.
+    ///
+    /// Returns:
+    ///     The Axes.
+    ///
+    /// Raises:
+    ///     KeyError: no column has the name.
+    ///     ImportError: matplotlib is not installed.
+    #[pyo3(signature = (y, x=None, axes=None))]
+    fn plot<'py>(this: &Bound<'py, Self>, y: &str, x: Option<&str>, axes: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
+        notebook::call(this.py(), "table_plot", (this, y, x, axes))
+    }
+
+    fn _repr_html_<'py>(this: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        notebook::call(this.py(), "table_html", (this,))
     }
 
     fn __repr__(&self) -> String {

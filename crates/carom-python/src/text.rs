@@ -19,7 +19,9 @@ pub fn toml_text(given: &Bound<'_, PyAny>) -> PyResult<String> {
         return Err(PyTypeError::new_err("this is not a dict: give the keys of the file as a dict"));
     };
     let table = table("", mapping, 0)?;
-    toml::to_string(&table).map_err(|e| PyValueError::new_err(e.to_string()))
+    // A line of its own, for messages about the whole text.
+    let text = toml::to_string(&table).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    Ok(format!("# from a dict\n{text}"))
 }
 
 /// A message about this text, which begins with a line of it, with the key in that line instead: the user has given a dict.

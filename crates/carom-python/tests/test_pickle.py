@@ -75,6 +75,7 @@ def made():
         "impacts": arm.impact(q, qd, law=LAW, derivatives=True, **args),
         "outcome in the plane": carom.law(H, u, LAW),
         "outcome in space": carom.law(*space, carom.Poisson(0.5, 0.1)),
+        "diagram": carom.diagram(H, u, 0.3, carom.law(H, u, [LAW])),
         "several points": quadruped.impact_at_points(*landing, restitution=0.5, friction=0.3),
         "energies": arm.energies(q, qd),
         "scene": scene,

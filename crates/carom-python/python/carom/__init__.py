@@ -53,6 +53,7 @@ from ._errors import (
     StudyError,
     UrdfError,
 )
+from ._notebook import Diagram
 from ._results import Energies
 
 __version__ = _metadata.version("carom")
@@ -195,6 +196,7 @@ __all__ = [
     "Chain",
     "ChainError",
     "ChatterjeeRuina",
+    "Diagram",
     "Energetic",
     "Energies",
     "Event",

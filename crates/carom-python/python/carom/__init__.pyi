@@ -740,6 +740,18 @@ class Impact:
     """An impact of a chain at one state."""
     def __new__(cls, _: Never, /) -> Self: ...
     """An impact of a chain at one state."""
+    def plot(self, axes: Any = None) -> Any:
+        """Draws the velocities of the contact point before and after, and the impulse, by world axes, with matplotlib.
+
+        Args:
+            axes: two Axes to draw into; new ones by default.
+
+        Returns:
+            The Axes.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
     @property
     def qd_plus(self) -> _Vector:
         """Joint velocities after the impact, shape (nv,); rad/s, m/s."""
@@ -917,6 +929,21 @@ class Outcome:
     def coefficients(self) -> dict[str, float | None]:
         """The realised coefficients of restitution: a dict of "newton", "poisson", "energetic"; None where not defined."""
 
+class Diagram(dict[str, Any]):
+    """A diagram of one impact, the dict of ``carom.diagram``, with its picture in notebooks."""
+    def plot(self, axes: Any = None) -> Any:
+        """Draws the diagram with matplotlib.
+
+        Args:
+            axes: the Axes to draw into; new ones by default.
+
+        Returns:
+            The Axes.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
+
 class Table:
     """A table of named columns.
 
@@ -941,6 +968,21 @@ class Table:
         """A pandas.DataFrame; needs pandas."""
     def to_polars(self) -> Any:
         """A polars.DataFrame; needs polars."""
+    def plot(self, y: str, x: str | None = None, axes: Any = None) -> Any:
+        """Draws a column over another one with matplotlib.
+
+        Args:
+            y: name of the column.
+            x: name of the other one; the first column by default.
+            axes: the Axes to draw into; new ones by default.
+
+        Returns:
+            The Axes.
+
+        Raises:
+            KeyError: no column has the name.
+            ImportError: matplotlib is not installed.
+        """
     def write(self, path: _Path) -> None:
         """Writes the table as CSV or Parquet, by the ending of the name. A Parquet file has units, carom's version and the text of the
         scene or study in its metadata.
@@ -951,6 +993,13 @@ class Table:
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> CapsuleType: ...
 
 class Scene:
+    """A scene: a robot, the surfaces around it, contact laws and run settings. Immutable.
+
+    Make one with `Scene.from_file`, `Scene.from_toml` or `Scene.from_dict`; the page "Scene keys" of the manual lists the keys.
+    """
+    @property
+    def folder(self) -> str:
+        """The folder to which names of files in the keys are relative."""
     """A scene: a robot, the surfaces around it, contact laws and run settings. Immutable.
 
     Make one with `Scene.from_file`, `Scene.from_toml` or `Scene.from_dict`; the page "Scene keys" of the manual lists the keys.
@@ -995,6 +1044,14 @@ class Scene:
     @property
     def warnings(self) -> list[str]:
         """Warnings, one sentence each."""
+    def to_dict(self) -> dict[str, Any]:
+        """The keys of the scene, for `from_dict`; names of files in them are relative to `folder`, so that
+        `Scene.from_dict(scene.to_dict(), folder=scene.folder)` is this scene.
+
+        Raises:
+            ValueError: a law or a controller was given after reading, or another start to a scene of several robots or with segments:
+                no keys say it.
+        """
     def with_start(self, q: ArrayLike | None = None, qd: ArrayLike | None = None) -> Scene:
         """The same scene from another start.
 
@@ -1154,6 +1211,18 @@ class Run:
 
     q and qd have the coordinates of `run.chain`, all joints of the scene.
     """
+    def plot(self, axes: Any = None) -> Any:
+        """Draws q and qd over time, with a line at each impact, with matplotlib.
+
+        Args:
+            axes: two Axes to draw into; new ones by default.
+
+        Returns:
+            The Axes.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
     @property
     def chain(self) -> Chain:
         """The simulated robot."""
@@ -1395,7 +1464,7 @@ def law(H: ArrayLike, u: ArrayLike, law: _AnyLaw, *, branches: Literal[True]) ->
 def law(H: ArrayLike, u: ArrayLike, law: Sequence[_AnyLaw], *, branches: Literal[False] = False) -> list[Outcome]: ...
 @overload
 def law(H: ArrayLike, u: ArrayLike, law: Sequence[_AnyLaw], *, branches: Literal[True]) -> list[list[Outcome]]: ...
-def diagram(H: ArrayLike, u: ArrayLike, friction: float, outcomes: Sequence[Outcome]) -> dict[str, Any]:
+def diagram(H: ArrayLike, u: ArrayLike, friction: float, outcomes: Sequence[Outcome]) -> Diagram:
     """The diagram of one impact with the outcomes of laws, as data to draw.
 
     In the plane the Routh diagram: the plane of impulses with friction cone, lines of compression and sticking, energy ellipse and
@@ -1407,7 +1476,7 @@ def diagram(H: ArrayLike, u: ArrayLike, friction: float, outcomes: Sequence[Outc
         outcomes: a list of results of carom.law.
 
     Returns:
-        A dict of "title", "axes" (two labels), "window" (shape (2, 2)), "equal_scales", "shapes" (dicts of "name", "colour" (three
+        A Diagram: a dict of "title", "axes" (two labels), "window" (shape (2, 2)), "equal_scales", "shapes" (dicts of "name", "colour" (three
         numbers from 0 to 1), "stroke" ("area", "thin", "thick") and "pieces", arrays (n, 2)), "marks" (dicts of "name", "colour",
         "symbol" ("law", "start", "turn", "stop") and "at", shape (2,)) and "svg", the picture.
 
