@@ -146,7 +146,7 @@ try:
     {LONG[kind]}
 except KeyboardInterrupt:
     late = time.perf_counter() - sent[0]
-    # Measured: 0.05 s to 0.3 s. The rest is for a machine that is busy.
+    # Measured: 0.06 s at most. The rest is for a machine that is busy.
     assert late < 5, late
     # The package goes on.
     assert len(chain.impact(q[:1000], qd[:1000], law=carom.Newton(0.5), **strike)) == 1000
