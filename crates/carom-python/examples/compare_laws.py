@@ -6,7 +6,6 @@ Needs the package carom (README.md) and `pip install matplotlib`. Writes routh.p
 import argparse
 import pathlib
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import carom
@@ -32,19 +31,6 @@ for outcome in outcomes:
     flags = f"  {', '.join(outcome.flags)}" if outcome.flags else ""
     print(f"{outcome.law:16} {outcome.mode:12} u+ {outcome.u_plus}  energy ratio {outcome.energy_ratio:.4f}{flags}")
 
-drawn = carom.diagram(H, u, mu, outcomes)
-figure, axes = plt.subplots(figsize=(7, 6))
-for shape in drawn["shapes"]:
-    for k, piece in enumerate(shape["pieces"]):
-        label = shape["name"] if k == 0 else None
-        if shape["stroke"] == "area":
-            axes.fill(*piece.T, color=shape["colour"], alpha=0.5, label=label)
-        else:
-            axes.plot(*piece.T, color=shape["colour"], lw=2 if shape["stroke"] == "thick" else 1, label=label)
-for mark in drawn["marks"]:
-    axes.plot(*mark["at"], "o" if mark["symbol"] == "law" else "s", color=mark["colour"], label=mark["name"])
-axes.set(title=drawn["title"], xlabel=drawn["axes"][0], ylabel=drawn["axes"][1], xlim=drawn["window"][0], ylim=drawn["window"][1])
-axes.set_aspect("equal" if drawn["equal_scales"] else "auto")
-axes.legend(fontsize=7)
-figure.savefig(out / "routh.png", dpi=150)
+axes = carom.diagram(H, u, mu, outcomes).plot()
+axes.figure.savefig(out / "routh.png", dpi=150)
 print(f"written to {out / 'routh.png'}")

@@ -94,6 +94,26 @@ impl<'py> Numbers<'py> {
     }
 }
 
+impl<'py> Numbers<'py> {
+    /// One number, or one for each state.
+    ///
+    /// # Errors
+    /// `StateError` for another shape than () or (B,).
+    pub fn scalars(self, what: &str) -> PyResult<Rows<'py>> {
+        let count = match self.shape[..] {
+            [] => None,
+            [count] => Some(count),
+            _ => {
+                let shape = shown(&self.shape);
+                return Err(StateError::new_err(format!(
+                    "{what} has the shape {shape}: a number, or (B,) for a batch, is needed"
+                )));
+            }
+        };
+        Ok(Rows { numbers: self, width: 1, count })
+    }
+}
+
 /// A shape as Python writes it.
 pub fn shown(shape: &[usize]) -> String {
     match shape {
@@ -268,6 +288,18 @@ impl<'py> Target<'py> {
             None => array(py, self.new, &self.shape),
         }
     }
+}
+
+/// A vector for all states, or one for each.
+///
+/// # Errors
+/// `StateError` for another shape than (3,) or (B, 3).
+pub fn vectors<'py>(what: &str, given: &Bound<'py, PyAny>, layout: &str) -> PyResult<Rows<'py>> {
+    let numbers = match given.extract::<(f64, f64, f64)>() {
+        Ok((x, y, z)) => Numbers { shape: vec![3], held: Held::Own(vec![x, y, z]) },
+        Err(_) => Numbers::read(what, given)?,
+    };
+    numbers.rows(what, 3, || layout.to_owned())
 }
 
 /// Three numbers of a vector.

@@ -4,6 +4,7 @@ use crate::error::{InBatch, Raise};
 use crate::threads::on_all_cores;
 use pyo3::prelude::*;
 use rayon::prelude::*;
+use std::sync::atomic::Ordering;
 
 /// Number of states that are computed together on one core.
 pub const CHUNK: usize = 256;
@@ -38,9 +39,11 @@ pub fn each_row<M, E: Raise + Send>(
     let done: Result<(), InBatch<E>> = if count <= CHUNK {
         py.detach(|| chunk(&mut make(), 0, out))
     } else {
-        on_all_cores(py, || {
+        on_all_cores(py, |stop| {
             let chunks = out.par_chunks_mut(CHUNK * width).enumerate();
-            first_error(chunks.map_init(&make, |memory, (c, out)| chunk(memory, c * CHUNK, out)))
+            first_error(chunks.map_init(&make, |memory, (c, out)| {
+                if stop.load(Ordering::Relaxed) { Ok(()) } else { chunk(memory, c * CHUNK, out) }
+            }))
         })?
     };
     Ok(done?)

@@ -58,6 +58,11 @@ impl Callable {
         done.unwrap_or_else(|| Err("the interpreter is shutting down".into()))
     }
 
+    /// The function.
+    pub fn function<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.function.bind(py).clone()
+    }
+
     /// Takes the exception that the function has raised last.
     pub fn raised(&self) -> Option<PyErr> {
         self.raised.lock().unwrap_or_else(PoisonError::into_inner).take()

@@ -4,8 +4,11 @@ use crate::array::{Array, Given, Maybe, Numbers, Rows, Target, array, list, nump
 use crate::batch::each_row;
 use crate::error::raise;
 use crate::order;
-use carom_chain::urdf::{JointType, LoadOptions, Meshes};
-use carom_chain::{ChainError, Coordinates, FrameId, Spatial, Workspace};
+use crate::pickle::{Pickled, fields, variants};
+use crate::scene::Scene;
+use crate::study::Study;
+use carom_chain::urdf::{JointType, LoadOptions, Meshes, read_str};
+use carom_chain::{ChainError, Coordinates, FrameId, Spatial, Workspace, input};
 use pyo3::exceptions::{PyImportError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -25,23 +28,83 @@ use std::sync::{Arc, Mutex};
 #[pyclass(frozen, module = "carom")]
 pub struct Chain {
     pub chain: Arc<carom_chain::Chain>,
+    origin: Arc<Origin>,
     /// Memory for single states, one for each thread that computes at the same time.
     pool: Mutex<Vec<Workspace<Spatial<f64>>>>,
 }
 
-impl From<carom_chain::Chain> for Chain {
-    fn from(chain: carom_chain::Chain) -> Self {
-        Arc::new(chain).into()
+/// What a chain was made from, to make it again from its pickle.
+pub enum Origin {
+    Urdf(Urdf),
+    Uniform { links: usize, length: f64, mass: f64 },
+    Scene(Scene),
+    Plan(Scene),
+    Study(Study),
+}
+
+/// The text of a URDF and how it is read.
+pub struct Urdf {
+    text: String,
+    /// The folder of the file, in which meshes are searched for.
+    folder: Option<PathBuf>,
+    floating: bool,
+    meshes: bool,
+    repair: bool,
+    strict: bool,
+    package_dirs: Vec<PathBuf>,
+}
+
+fields! { Urdf { text, folder, floating, meshes, repair, strict, package_dirs } }
+variants! { Origin { Urdf(urdf), Uniform { links, length, mass }, Scene(scene), Plan(scene), Study(study) } }
+
+impl Urdf {
+    fn options(&self) -> LoadOptions {
+        LoadOptions {
+            floating_base: self.floating,
+            meshes: if self.meshes { Meshes::WhenUsed } else { Meshes::Ignored },
+            strict: self.strict,
+            repair: self.repair,
+            package_dirs: self.package_dirs.clone(),
+            ..LoadOptions::default()
+        }
     }
 }
 
-impl From<Arc<carom_chain::Chain>> for Chain {
-    fn from(chain: Arc<carom_chain::Chain>) -> Self {
-        Self { chain, pool: Mutex::default() }
+/// By its origin, from which it is made again.
+impl Pickled for Chain {
+    fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.origin.write(py)
+    }
+
+    fn read(from: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let origin = Origin::read(from)?;
+        let chain = match &origin {
+            Origin::Urdf(urdf) => {
+                let options = urdf.options();
+                let robot = read_str(&urdf.text, urdf.folder.as_deref(), &options).map_err(raise)?;
+                carom_chain::Chain::from_robot(robot, &options)
+            }
+            Origin::Uniform { links, length, mass } => {
+                carom_chain::uniform_chain(*links, *length, *mass).map_err(raise)?
+            }
+            Origin::Scene(scene) => scene.scene.simulation.chain.clone(),
+            Origin::Plan(scene) => scene.scene.plan().map_err(raise)?.simulation.chain,
+            Origin::Study(study) => study.its_chain().clone(),
+        };
+        Ok(Self::new(chain, origin))
     }
 }
 
 impl Chain {
+    pub fn new(chain: carom_chain::Chain, origin: Origin) -> Self {
+        Self { chain: Arc::new(chain), origin: Arc::new(origin), pool: Mutex::default() }
+    }
+
+    /// The same chain.
+    pub fn again(&self) -> Self {
+        Self { chain: self.chain.clone(), origin: self.origin.clone(), pool: Mutex::default() }
+    }
+
     /// The frame of this name.
     pub fn frame(&self, name: &str) -> PyResult<FrameId> {
         self.chain.frame(name).map_err(raise)
@@ -175,24 +238,29 @@ impl Chain {
         strict: bool,
         package_dirs: Vec<PathBuf>,
     ) -> PyResult<Self> {
-        let meshes = if meshes { Meshes::WhenUsed } else { Meshes::Ignored };
-        let options =
-            LoadOptions { floating_base: floating, meshes, strict, repair, package_dirs, ..LoadOptions::default() };
+        let absolute = |path: PathBuf| std::path::absolute(&path).unwrap_or(path);
+        let package_dirs = package_dirs.into_iter().map(absolute).collect();
+        let mut urdf = Urdf { text: String::new(), folder: None, floating, meshes, repair, strict, package_dirs };
+        let options = urdf.options();
         let text = source
             .extract::<String>()
             .ok()
             .filter(|text| text.trim_start_matches('\u{feff}').trim_start().starts_with('<'));
         let chain = if let Some(text) = text {
-            py.detach(|| carom_chain::Chain::from_urdf_str(&text, &options))
+            urdf.text = text;
+            py.detach(|| carom_chain::Chain::from_urdf_str(&urdf.text, &options)).map_err(raise)?
         } else {
             let Ok(path) = source.extract::<PathBuf>() else {
                 return Err(PyTypeError::new_err(
                     "source is neither a path nor a string: give the file or the text of a URDF",
                 ));
             };
-            py.detach(|| carom_chain::Chain::from_urdf_file_with(path, &options))
+            let chain = py.detach(|| carom_chain::Chain::from_urdf_file_with(&path, &options)).map_err(raise)?;
+            urdf.text = input::read_text(&path, input::MOST_MIB)?;
+            urdf.folder = absolute(path).parent().map(PathBuf::from);
+            chain
         };
-        Ok(chain.map_err(raise)?.into())
+        Ok(Self::new(chain, Origin::Urdf(urdf)))
     }
 
     /// Reads a robot of the package `robot_descriptions`, for example "panda_description". The other arguments are those of
@@ -239,7 +307,8 @@ impl Chain {
     ///     ChainError: a number that is not positive.
     #[staticmethod]
     fn uniform(links: usize, length: f64, mass: f64) -> PyResult<Self> {
-        Ok(carom_chain::uniform_chain(links, length, mass).map_err(raise)?.into())
+        let chain = carom_chain::uniform_chain(links, length, mass).map_err(raise)?;
+        Ok(Self::new(chain, Origin::Uniform { links, length, mass }))
     }
 
     /// The joints of the file: a list of dicts with name, type, parent, child, the slices q and v of its entries (None for
@@ -381,9 +450,5 @@ impl Chain {
         let mass = self.chain.total_mass();
         let mass = format!("{mass:.5e}").parse().unwrap_or(mass);
         format!("<carom.Chain '{name}': nq {nq}, nv {nv}, {links} links, {mass} kg>")
-    }
-
-    fn __reduce__(&self) -> PyResult<Py<PyAny>> {
-        Err(PyTypeError::new_err("a carom.Chain cannot be pickled: read it again with from_urdf in the other process"))
     }
 }

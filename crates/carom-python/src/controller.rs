@@ -41,6 +41,11 @@ impl PythonController {
         self.0.rate
     }
 
+    /// The function.
+    pub fn function<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.0.function.function(py)
+    }
+
     /// Takes the exception that the function has raised last.
     pub fn raised(&self) -> Option<PyErr> {
         self.0.function.raised()

@@ -1,6 +1,6 @@
 //! Diagrams that compare laws, as data and as pictures.
 
-use crate::array::{Given, Numbers, array, list, shown};
+use crate::array::{Array, Given, Numbers, array, list, shown};
 use crate::error::exceptions::{ImpactError, StateError};
 use crate::laws::problem;
 use crate::outcome::Outcome;
@@ -19,7 +19,7 @@ use pyo3::types::PyDict;
 ///     outcomes: a list of results of carom.law.
 ///
 /// Returns:
-///     A dict of "title", "axes" (two labels), "window" (shape (2, 2)), "equal_scales", "shapes" (dicts of "name", "colour" (three
+///     A Diagram: a dict of "title", "axes" (two labels), "window" (shape (2, 2)), "equal_scales", "shapes" (dicts of "name", "colour" (three
 ///     numbers from 0 to 1), "stroke" ("area", "thin", "thick") and "pieces", arrays (n, 2)), "marks" (dicts of "name", "colour",
 ///     "symbol" ("law", "start", "turn", "stop") and "at", shape (2,)) and "svg", the picture.
 ///
@@ -34,7 +34,7 @@ pub fn diagram<'py>(
     u: Given<'_, 'py>,
     friction: f64,
     outcomes: Vec<Bound<'py, Outcome>>,
-) -> PyResult<Bound<'py, PyDict>> {
+) -> PyResult<Array<'py>> {
     let (h, u) = (Numbers::read("H", H)?, Numbers::read("u", u)?);
     let drawn = match u.shape() {
         [2] => routh_diagram(&problem(&h, &u)?, friction, &points::<2>(&outcomes)?),
@@ -47,7 +47,7 @@ pub fn diagram<'py>(
     let missing = || {
         ImpactError::new_err("no diagram can be drawn: the contact must approach (u_n < 0) and H must not be singular")
     };
-    data(py, &drawn.ok_or_else(missing)?)
+    crate::notebook::call(py, "Diagram", (data(py, &drawn.ok_or_else(missing)?)?,))
 }
 
 fn points<const D: usize>(outcomes: &[Bound<'_, Outcome>]) -> PyResult<Vec<LawPoint<D>>> {

@@ -7,6 +7,8 @@ use crate::error::raise;
 use carom_chain::{ChainError, Kinematics, Point, Spatial, Workspace};
 use nalgebra::{DMatrix, Vector3};
 use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::PyType;
 
 type Kin<'a> = Kinematics<'a, Spatial<f64>>;
 
@@ -262,7 +264,8 @@ impl Chain {
         })
     }
 
-    /// Kinetic and potential energy, a pair of numbers or of arrays (B,), J. The potential energy is zero at the world's origin.
+    /// Kinetic and potential energy, a named pair (`Energies`) of numbers or of arrays (B,), J. The potential energy is zero at the
+    /// world's origin.
     ///
     /// Args:
     ///     gravity: acceleration of free fall, world axes, m/s²; zero by default.
@@ -273,7 +276,7 @@ impl Chain {
         q: Given<'_, 'py>,
         qd: Given<'_, 'py>,
         gravity: Maybe<'_, 'py>,
-    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    ) -> PyResult<Array<'py>> {
         let gravity = free_fall(gravity)?;
         let kinetic = self.at_states(py, q, [("qd", qd)], (&[], None), |kin, [qd], out| {
             out[0] = kin.kinetic_energy(qd)?;
@@ -284,6 +287,7 @@ impl Chain {
             out[0] = kin.potential_energy(gravity);
             Ok(())
         })?;
-        Ok((kinetic, potential))
+        static ENERGIES: PyOnceLock<Py<PyType>> = PyOnceLock::new();
+        ENERGIES.import(py, "carom._results", "Energies")?.call1((kinetic, potential))
     }
 }

@@ -3,8 +3,9 @@
 use crate::array::{Array, Given, Maybe, Numbers, array, shown, vector};
 use crate::chain::Chain;
 use crate::dynamics::offset;
-use crate::error::{exceptions, raise};
-use crate::threads::on_all_cores;
+use crate::error::{Raise, exceptions, raise};
+use crate::pickle::fields;
+use crate::threads::{halt, left_behind};
 use carom_chain::FramePoint;
 use carom_chain::urdf::LoadOptions;
 use carom_study::fit::{
@@ -16,12 +17,15 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
 
 /// The result of a fit.
 #[pyclass(frozen, module = "carom", name = "Fit")]
 pub struct FitResult {
     fit: Fit,
 }
+
+fields! { FitResult { fit } }
 
 getters! { FitResult, self, py {
     /// What was fitted to: "velocities" or "trajectories".
@@ -109,6 +113,16 @@ impl Options {
     }
 }
 
+/// Runs a fit with these options, which Ctrl-C ends.
+fn fitted<E: Raise + Send + 'static>(
+    py: Python<'_>,
+    options: Options,
+    work: impl FnOnce(&FitOptions, &AtomicBool) -> Result<Fit, E> + Send + 'static,
+) -> PyResult<FitResult> {
+    let fit = left_behind(py, move |stop| work(&options.all()?, stop).map_err(raise))?;
+    Ok(FitResult { fit: fit? })
+}
+
 /// Makes an impact of D axes from H, u⁻ and u⁺.
 type Make<const D: usize> =
     fn(SMatrix<f64, D, D>, SVector<f64, D>, SVector<f64, D>) -> Result<MeasuredImpact, FitError>;
@@ -118,7 +132,7 @@ fn of_numbers<const D: usize>(given: [&Numbers; 3], of: Make<D>) -> PyResult<Vec
     let one = |k: usize| {
         let matrix = SMatrix::from_row_slice(&h[k * D * D..(k + 1) * D * D]);
         let vector = |all: &[f64]| SVector::from_column_slice(&all[k * D..(k + 1) * D]);
-        of(matrix, vector(before), vector(after)).map_err(|e| crate::error::Raise::raise(&e, &format!("impact {k}: ")))
+        of(matrix, vector(before), vector(after)).map_err(|e| Raise::raise(&e, &format!("impact {k}: ")))
     };
     (0..before.len() / D).map(one).collect()
 }
@@ -148,9 +162,7 @@ pub fn fit_contacts(
             return Err(exceptions::StateError::new_err(message));
         }
     };
-    let options = options.all()?;
-    let fit = on_all_cores(py, || fit_velocities(&impacts, None, &options, &|_, _| {}))?.map_err(raise)?;
-    Ok(FitResult { fit })
+    fitted(py, options, move |options, stop| fit_velocities(&impacts, None, options, &|_, _| halt(stop)))
 }
 
 /// Fits to joint velocities of a robot: see `carom.fit`.
@@ -183,12 +195,14 @@ pub fn fit_joints(
         let (q, qd_minus, qd_plus) = (q.row(k).to_vec(), before.row(k).to_vec(), after.row(k).to_vec());
         let measured = ChainJump { q, qd_minus, qd_plus, point, normal };
         let found = MeasuredImpact::of_chain(&own.chain, &measured);
-        found.map_err(|e| crate::error::Raise::raise(&e, &format!("impact {k}: ")))
+        found.map_err(|e| Raise::raise(&e, &format!("impact {k}: ")))
     };
     let impacts: Vec<MeasuredImpact> = (0..count).map(one).collect::<PyResult<_>>()?;
-    let options = options.all()?;
-    let fit = on_all_cores(py, || fit_velocities(&impacts, Some(&own.chain), &options, &|_, _| {}))?.map_err(raise)?;
-    Ok(FitResult { fit })
+    let chain = own.chain.clone();
+    let work = move |options: &FitOptions, stop: &AtomicBool| {
+        fit_velocities(&impacts, Some(&chain), options, &|_, _| halt(stop))
+    };
+    fitted(py, options, work)
 }
 
 /// Fits to tosses: see `carom.fit`.
@@ -206,7 +220,6 @@ pub fn fit_tosses(
     options: &Bound<'_, PyDict>,
 ) -> PyResult<FitResult> {
     let options: Options = options.extract()?;
-    let options = options.all()?;
     let refuse = |what: &str, given: &str, known: &str| {
         Err(exceptions::FitError::new_err(format!("{what} is '{given}': it must be {known}")))
     };
@@ -222,6 +235,5 @@ pub fn fit_tosses(
     };
     let roll = RollOutOptions { tolerance, contact_step, length, start, horizon, ..RollOutOptions::default() };
     let tosses = py.detach(|| Tosses::read(&folder, robot, &LoadOptions::default())).map_err(raise)?;
-    let fit = on_all_cores(py, || fit_trajectories(&tosses, &options, &roll, &|_, _| {}))?.map_err(raise)?;
-    Ok(FitResult { fit })
+    fitted(py, options, move |options, stop| fit_trajectories(&tosses, options, &roll, &|_, _| halt(stop)))
 }

@@ -1,14 +1,16 @@
 //! One impact: `Chain.impact`, and its result at a single state.
 
-use crate::array::{Array, Given, Maybe, array, list, vector};
+use crate::array::{Array, Given, Maybe, Numbers, Plain, Rows, array, list, vectors};
 use crate::chain::Chain;
-use crate::dynamics::{free_fall, offset};
+use crate::dynamics::free_fall;
 use crate::error::{exceptions, raise};
-use crate::impacts::{self, Impacts};
+use crate::impacts::{self, Each, Impacts};
 use crate::laws::{GivenLaw, each_law};
+use crate::notebook;
+use crate::pickle::fields;
 use carom_impact::{CoefficientRanges, Flags};
 use carom_sim::{ChainImpact, ImpactBand, ImpactDerivative, Impacts as _, JointModel, Saltation, Strike};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Vector3};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -87,6 +89,12 @@ pub struct Impact {
     more: Option<Box<More>>,
 }
 
+fields! {
+    Impact { hit, more }
+    More { derivatives, band, saltation }
+    Derivatives { q, qd, restitution, friction }
+}
+
 /// What is computed beside the impact.
 struct More {
     derivatives: Option<Derivatives>,
@@ -103,8 +111,9 @@ pub struct Derivatives {
 }
 
 impl Impact {
-    pub fn of_event(hit: ChainImpact) -> Self {
-        Self { hit, more: None }
+    pub fn of(hit: ChainImpact, derivatives: Option<Derivatives>) -> Self {
+        let more = derivatives.map(|own| Box::new(More { derivatives: Some(own), band: None, saltation: None }));
+        Self { hit, more }
     }
 
     /// Computes what is wanted at one state.
@@ -226,6 +235,25 @@ impl Impact {
         }))
     }
 
+    /// Draws the velocities of the contact point before and after, and the impulse, by world axes, with matplotlib.
+    ///
+    /// Args:
+    ///     axes: two Axes to draw into; new ones by default.
+    ///
+    /// Returns:
+    ///     The Axes.
+    ///
+    /// Raises:
+    ///     ImportError: matplotlib is not installed.
+    #[pyo3(signature = (axes=None))]
+    fn plot<'py>(this: &Bound<'py, Self>, axes: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
+        notebook::call(this.py(), "impact_plot", (this, axes))
+    }
+
+    fn _repr_html_<'py>(this: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        notebook::call(this.py(), "impact_html", (this,))
+    }
+
     fn __repr__(&self) -> String {
         let ChainImpact { qd_plus, impulse, mode, flags, contact, .. } = &self.hit;
         let flags = if flags.is_empty() { String::new() } else { format!(", flags {flags}") };
@@ -241,9 +269,12 @@ impl Chain {
     /// Args:
     ///     q, qd: state before the impact, shapes (nq,) and (nv,), or a batch (B, nq) and (B, nv).
     ///     frame: name of the link that is hit.
-    ///     point: contact point in the axes of the frame, from its origin, m; the origin by default.
-    ///     normal: contact normal in world axes, from the environment to the robot, of any length but zero.
+    ///     point: contact point in the axes of the frame, from its origin, m; the origin by default. Shape (3,), or (B, 3) with a
+    ///         point for each state.
+    ///     normal: contact normal in world axes, from the environment to the robot, of any length but zero. Shape (3,), or (B, 3)
+    ///         with a normal for each state.
     ///     law: an impact law like carom.Energetic(0.5, 0.2), a function of H and u, or a list of them.
+    ///     restitution, friction: instead of the coefficients of the law, numbers or shape (B,); not for a function.
     ///     joints: "free", "locked", a list of names of locked joints, or a dict of stiffness, damping (numbers or shape (nv,))
     ///         and contact_time (s) of drives that act during the impact.
     ///     derivatives: also computes the derivatives of qd_plus by q, qd, restitution and friction.
@@ -252,12 +283,12 @@ impl Chain {
     ///     band: ((e_low, e_high), (mu_low, mu_high)): also computes bounds over these ranges of the coefficients.
     ///
     /// Returns:
-    ///     An Impact for one state, Impacts for a batch; a list of them for a list of laws. saltation and band need one state.
+    ///     An Impact for one state, Impacts if q, qd, point, normal or a coefficient is a batch; a list of them for a list of laws. saltation and band need one state.
     ///
     /// Raises:
     ///     StateError: a wrong shape, or numbers that are not finite.
     ///     ImpactError: a fixed point, a singular direction, a law without a solution; derivatives of a law in Python.
-    #[pyo3(signature = (q, qd, frame, normal, law, *, point=None, joints=None, derivatives=false, saltation=false, gravity=None, band=None))]
+    #[pyo3(signature = (q, qd, frame, normal, law, *, point=None, restitution=None, friction=None, joints=None, derivatives=false, saltation=false, gravity=None, band=None))]
     #[allow(clippy::too_many_arguments)]
     fn impact<'py>(
         &self,
@@ -268,6 +299,8 @@ impl Chain {
         normal: Given<'_, 'py>,
         law: Given<'_, 'py>,
         point: Maybe<'_, 'py>,
+        restitution: Maybe<'_, 'py>,
+        friction: Maybe<'_, 'py>,
         joints: Maybe<'_, 'py>,
         derivatives: bool,
         saltation: bool,
@@ -275,7 +308,16 @@ impl Chain {
         band: Option<([f64; 2], [f64; 2])>,
     ) -> PyResult<Array<'py>> {
         let (laws, several) = each_law(law)?;
-        let (frame, normal, point) = (self.frame(frame)?, vector("normal", normal)?, offset(point)?);
+        let (frame, normal) = (self.frame(frame)?, vectors("normal", normal, "world axes")?);
+        let point = point.map(|point| vectors("point", point, "axes of the frame")).transpose()?;
+        let scalars =
+            |what, given: Maybe<'_, 'py>| given.map(|given| Numbers::read(what, given)?.scalars(what)).transpose();
+        let own = [scalars("restitution", restitution)?, scalars("friction", friction)?];
+        if own.iter().any(Option::is_some) && laws.iter().any(GivenLaw::is_python) {
+            return Err(PyTypeError::new_err(
+                "restitution and friction are coefficients of the laws of carom: a function has its own",
+            ));
+        }
         let (q, qd, joints) = (self.q(q)?, self.v("qd", qd)?, Joints::read(self, joints)?);
         if gravity.is_some() && !saltation {
             return Err(PyTypeError::new_err(
@@ -285,27 +327,37 @@ impl Chain {
         let saltation = if saltation { Some(free_fall(gravity)?.into()) } else { None };
         let band = band.map(|(restitution, friction)| CoefficientRanges { restitution, friction });
         let wanted = Wanted { derivatives, band, saltation };
-        let count = crate::array::together([("q", &q), ("qd", &qd)])?;
+        let more = [("point", &point), ("restitution", &own[0]), ("friction", &own[1])];
+        let more = more.iter().filter_map(|(what, rows)| Some((*what, rows.as_ref()?)));
+        let count = crate::array::together([("q", &q), ("qd", &qd), ("normal", &normal)].into_iter().chain(more))?;
+        let varies =
+            [&point, &own[0], &own[1]].iter().any(|rows| rows.as_ref().is_some_and(|rows| rows.count().is_some()));
+        let varies = varies || normal.count().is_some() || own.iter().any(Option::is_some);
         if count.is_some() && (wanted.band.is_some() || wanted.saltation.is_some()) {
             return Err(PyTypeError::new_err(
                 "band and saltation need one state: call impact for each state of the batch",
             ));
         }
         let (states, still) = ((q.plain(), qd.plain()), count.is_none());
+        let (normal, point, own) =
+            (normal.plain(), point.as_ref().map(Rows::plain), own.each_ref().map(|own| own.as_ref().map(Rows::plain)));
+        let vector = |rows: Plain<'_>, k: usize| <[f64; 3]>::try_from(rows.row(k)).unwrap_or_default();
         joints.with(|model| {
             let strike = |k: usize| {
                 let described = self.chain.impact(states.0.row(k), states.1.row(k)).at(frame);
-                described.offset(point).normal(normal).joints(model)
+                let offset = point.map_or_else(Vector3::zeros, |point| vector(point, k).into());
+                described.offset(offset).normal(vector(normal, k)).joints(model)
             };
             let one = |law: &GivenLaw| -> PyResult<Array<'py>> {
+                let law_of = |k: usize| law.with(own.map(|own| own.map(|own| own.row(k)[0])));
                 if still {
-                    let hit = Impact::compute(strike(0), law, &wanted).map_err(|e| law.raise(raise(e)))?;
+                    let hit = Impact::compute(strike(0), &law_of(0), &wanted).map_err(|e| law.raise(raise(e)))?;
                     return Ok(Bound::new(py, hit)?.into_any());
                 }
-                let found =
-                    impacts::compute(py, &self.chain, (states, count.unwrap_or(0)), &strike, law, wanted.derivatives);
+                let (states, each) = ((states, count.unwrap_or(0)), Each { derivatives, varies });
+                let found = impacts::compute(py, &self.chain, states, &strike, &law_of, each);
                 let found = found.map_err(|e| law.raise(e))?;
-                Ok(Bound::new(py, Impacts::new(py, found, self.chain.nv())?)?.into_any())
+                Ok(Bound::new(py, Impacts::new(py, found, self.chain.nv(), law.in_space().name())?)?.into_any())
             };
             if several {
                 let all: Vec<_> = laws.iter().map(one).collect::<PyResult<_>>()?;

@@ -1,17 +1,21 @@
 //! A batch of impacts.
 
-use crate::array::{Array, Plain, array, bytes};
+use crate::array::{Array, Given, Numbers, Plain, array, bytes, list};
 use crate::batch::{CHUNK, first_error};
 use crate::error::InBatch;
-use crate::impact::{FLAGS, Impact, Wanted, bits};
+use crate::impact::{Derivatives, FLAGS, Impact, Wanted, bits};
 use crate::laws::{GivenLaw, texts};
+use crate::notebook;
+use crate::pickle::fields;
 use crate::threads::on_all_cores;
-use carom_impact::Mode;
+use carom_impact::{Account, Flags, ImpactOutcome, Mode};
 use carom_sim::{ChainImpact, PreparedStrike, SimError, States, Strike};
-use pyo3::exceptions::PyValueError;
+use nalgebra::{DMatrix, Vector3};
+use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyIterator, PyRange, PyTuple};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The modes by their numbers.
 const MODES: [Mode; 4] = [Mode::Open, Mode::Stick, Mode::Slip, Mode::ReverseSlip];
@@ -81,6 +85,14 @@ impl Piece<'_> {
     }
 }
 
+/// What is to be computed for each state of a batch.
+pub struct Each {
+    /// Derivatives too.
+    pub derivatives: bool,
+    /// Whether point, normal or law are not the same at all states.
+    pub varies: bool,
+}
+
 /// Computes a batch: without the GIL and on all cores, or one after another for a law in Python.
 ///
 /// # Errors
@@ -90,8 +102,8 @@ pub fn compute<'a, F: Fn(usize) -> Strike<'a> + Sync>(
     chain: &carom_chain::Chain,
     ((q, qd), count): ((Plain, Plain), usize),
     strike: &F,
-    law: &GivenLaw,
-    derivatives: bool,
+    law_of: &(dyn Fn(usize) -> GivenLaw + Sync),
+    Each { derivatives, varies }: Each,
 ) -> PyResult<Columns> {
     let nv = chain.nv();
     let mut all = Columns::new(count, nv, derivatives);
@@ -99,18 +111,26 @@ pub fn compute<'a, F: Fn(usize) -> Strike<'a> + Sync>(
         return Ok(all);
     }
     let own = |state: usize| move |error: SimError| InBatch { error, state: Some(state) };
-    let prepared = strike(0).prepare().map_err(|error| InBatch { error, state: None })?;
+    let (law, one_by_one) = (law_of(0), derivatives || varies);
+    let prepared = (!one_by_one).then(|| strike(0).prepare()).transpose();
+    let prepared = prepared.map_err(|error| InBatch { error, state: None })?;
     let wanted = Wanted { derivatives, band: None, saltation: None };
-    let piece = |(prepared, columns): &mut (PreparedStrike<'a>, Vec<f64>), first: usize, piece: &mut Piece| {
+    let piece = |(prepared, columns): &mut (Option<PreparedStrike<'a>>, Vec<f64>),
+                 first: usize,
+                 piece: &mut Piece,
+                 stop: &AtomicBool| {
         let states = piece.codes.len() / 2;
-        if derivatives {
+        let Some(prepared) = prepared else {
             for k in 0..states {
-                let found = Impact::compute(strike(first + k), law, &wanted).map_err(own(first + k))?;
+                if stop.load(Ordering::Relaxed) {
+                    break;
+                }
+                let found = Impact::compute(strike(first + k), &law_of(first + k), &wanted).map_err(own(first + k))?;
                 piece.write(k, &found.hit);
                 piece.write_derivatives(k, &found);
             }
             return Ok(());
-        }
+        };
         columns.resize((chain.nq() + nv) * states, 0.0);
         let (mut valid, mut invalid) = (states, None);
         for k in 0..states {
@@ -131,20 +151,22 @@ pub fn compute<'a, F: Fn(usize) -> Strike<'a> + Sync>(
         done.map_err(|error| InBatch { error, state: None })?;
         refused.or(invalid).map_or(Ok(()), Err)
     };
-    let memory = || (prepared.clone(), Vec::new());
+    let (memory, go_on) = (|| (prepared.clone(), Vec::new()), AtomicBool::new(false));
     if law.is_python() {
         // The law needs the GIL; a signal stops the batch through the exception that the law then raises.
         let mut memory = memory();
-        all.pieces(1).iter_mut().enumerate().try_for_each(|(k, rows)| piece(&mut memory, k, rows))?;
+        all.pieces(1).iter_mut().enumerate().try_for_each(|(k, rows)| piece(&mut memory, k, rows, &go_on))?;
         return Ok(all);
     }
     let mut pieces = all.pieces(CHUNK);
     if let [only] = pieces.as_mut_slice() {
-        py.detach(|| piece(&mut memory(), 0, only))?;
+        py.detach(|| piece(&mut memory(), 0, only, &go_on))?;
     } else {
-        on_all_cores(py, || {
+        on_all_cores(py, |stop| {
             let pieces = pieces.par_iter_mut().enumerate();
-            first_error(pieces.map_init(memory, |memory, (c, rows)| piece(memory, c * CHUNK, rows)))
+            first_error(pieces.map_init(memory, |memory, (c, rows)| {
+                if stop.load(Ordering::Relaxed) { Ok(()) } else { piece(memory, c * CHUNK, rows, stop) }
+            }))
         })??;
     }
     drop(pieces);
@@ -152,17 +174,22 @@ pub fn compute<'a, F: Fn(usize) -> Strike<'a> + Sync>(
 }
 
 /// Impacts of a batch of B states.
+///
+/// `impacts[k]` is the Impact of state k; a slice, an array of numbers or one of B booleans gives the Impacts of these states.
 #[pyclass(frozen, module = "carom")]
 pub struct Impacts {
     count: usize,
+    law: &'static str,
     /// The blocks of [`Columns`], of shape (B, width), without the derivatives.
     blocks: [Py<PyAny>; BLOCKS - 1],
     codes: Py<PyAny>,
     derivatives: Option<Py<PyDict>>,
 }
 
+fields! { Impacts { count, law, blocks, codes, derivatives } }
+
 impl Impacts {
-    pub fn new(py: Python<'_>, all: Columns, nv: usize) -> PyResult<Self> {
+    pub fn new(py: Python<'_>, all: Columns, nv: usize, law: &'static str) -> PyResult<Self> {
         let Columns { count, widths, blocks: [qd_plus, impulse, u_minus, u_plus, energies, drive_impulse, by], codes } =
             all;
         let derivatives = if by.is_empty() { None } else { Some(derivatives(py, by, count, nv)?) };
@@ -176,7 +203,53 @@ impl Impacts {
             array(drive_impulse, 5)?,
         ];
         let codes = bytes(py, codes).call_method1("reshape", (count, 2))?.unbind();
-        Ok(Self { count, blocks, codes, derivatives })
+        Ok(Self { count, law, blocks, codes, derivatives })
+    }
+
+    /// The impact of state k.
+    fn one(&self, py: Python<'_>, k: usize) -> PyResult<Impact> {
+        let row = |block: usize| self.blocks[block].bind(py).get_item(k)?.extract::<Vec<f64>>();
+        let vector = |block: usize| row(block).map(|v| Vector3::from_row_slice(&v));
+        let (energies, codes) = (row(4)?, self.codes.bind(py).get_item(k)?.extract::<[usize; 2]>()?);
+        let mode = MODES[codes[0]];
+        let set = FLAGS.iter().enumerate().filter(|(bit, _)| codes[1] >> bit & 1 == 1);
+        let flags = set.fold(Flags::NONE, |sum, (_, (_, flag))| sum | *flag);
+        let account =
+            Account { mode, normal_work: energies[2], friction_work: energies[3], flags, ..Account::default() };
+        let hit = ChainImpact {
+            qd_plus: row(0)?,
+            impulse: vector(1)?,
+            u_minus: vector(2)?,
+            u_plus: vector(3)?,
+            energy_before: energies[0],
+            energy_after: energies[1],
+            drive_impulse: row(5)?,
+            drive_work: energies[4],
+            mode,
+            contact: ImpactOutcome { law: self.law, account, ..ImpactOutcome::default() },
+            flags,
+        };
+        let by = self.derivatives.as_ref().map(|all| -> PyResult<_> {
+            let part = |name: &str| Numbers::read(name, &all.bind(py).as_any().get_item(name)?.get_item(k)?);
+            let nv = hit.qd_plus.len();
+            let matrix = |name| Ok::<_, PyErr>(DMatrix::from_row_slice(nv, nv, part(name)?.slice()));
+            let vector = |name| Ok::<_, PyErr>(part(name)?.slice().to_vec());
+            let (restitution, friction) = (vector("restitution")?, vector("friction")?);
+            Ok(Derivatives { q: matrix("q")?, qd: matrix("qd")?, restitution, friction })
+        });
+        Ok(Impact::of(hit, by.transpose()?))
+    }
+
+    fn ratio<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let energies = Numbers::read("energies", self.blocks[4].bind(py))?;
+        let ratio = |row: &[f64]| if row[0] > 0.0 { row[1] / row[0] } else { 1.0 };
+        list(py, &energies.slice().chunks_exact(5).map(ratio).collect::<Vec<_>>())
+    }
+
+    fn names(&self, py: Python<'_>) -> PyResult<Vec<Vec<&'static str>>> {
+        let bits: Vec<usize> = Self::column(py, &self.codes, 1)?.call_method0("tolist")?.extract()?;
+        let set = |bits: usize| FLAGS.iter().enumerate().filter(move |(bit, _)| bits >> bit & 1 == 1);
+        Ok(bits.into_iter().map(|bits| set(bits).map(|(_, (name, _))| *name).collect()).collect())
     }
 
     /// Column k of an array.
@@ -210,6 +283,8 @@ getters! { Impacts, self, py {
     u_minus: Py<PyAny> = self.blocks[2].clone_ref(py);
     /// Velocities of the contact point after, shape (B, 3), world axes, m/s.
     u_plus: Py<PyAny> = self.blocks[3].clone_ref(py);
+    /// T⁺/T⁻ of the robot, shape (B,); 1 at rest.
+    energy_ratio: Array<'py> = self.ratio(py)?;
     /// Kinetic energies of the robot before, shape (B,), J.
     energy_before: Array<'py> = Self::column(py, &self.blocks[4], 0)?;
     /// Kinetic energies of the robot after, shape (B,), J.
@@ -224,8 +299,12 @@ getters! { Impacts, self, py {
     drive_impulse: Py<PyAny> = self.blocks[5].clone_ref(py);
     /// Contact modes at the end of the impacts, an array of texts of shape (B,): "open", "stick", "slip", "reverse-slip".
     mode: Array<'py>, "NDArray[np.str_]" = texts(py, &MODES.map(Mode::name))?.get_item(Self::column(py, &self.codes, 0)?)?;
-    /// Flags as an array of uint8 of shape (B,), with bits as in carom.Flags; 0 for an ordinary impact.
-    flags: Array<'py>, "NDArray[np.uint8]" = Self::column(py, &self.codes, 1)?;
+    /// The names of the flags that are set at each state, a list of B lists of texts, as `Impact.flags`.
+    flags: Vec<Vec<&'static str>> = self.names(py)?;
+    /// The flags as an array of uint8 of shape (B,), with bits as in carom.Flags; 0 for an ordinary impact.
+    flag_bits: Array<'py>, "NDArray[np.uint8]" = Self::column(py, &self.codes, 1)?;
+    /// Name of the law.
+    law: &'static str = self.law;
     /// With derivatives=True a dict of the derivatives of qd_plus: "q" and "qd" of shape (B, nv, nv), "restitution" and
     /// "friction" of shape (B, nv). Else None.
     derivatives: Option<Py<PyDict>>, "dict[str, _Floats] | None" = self.derivatives.as_ref().map(|dict| dict.clone_ref(py));
@@ -235,6 +314,38 @@ getters! { Impacts, self, py {
 impl Impacts {
     fn __len__(&self) -> usize {
         self.count
+    }
+
+    /// The Impact of a state, counted from the end if negative; the Impacts of a slice or an array of states.
+    fn __getitem__<'py>(&self, py: Python<'py>, index: Given<'_, 'py>) -> PyResult<Array<'py>> {
+        if let Ok(number) = index.extract::<isize>() {
+            let from_start = if number < 0 { number + self.count as isize } else { number };
+            return match usize::try_from(from_start) {
+                Ok(k) if k < self.count => Ok(Bound::new(py, self.one(py, k)?)?.into_any()),
+                _ => Err(PyIndexError::new_err(format!("there is no state {number}: the batch has {}", self.count))),
+            };
+        }
+        if index.is_instance_of::<PyTuple>() {
+            return Err(PyTypeError::new_err("a batch has one axis: index its arrays, like impacts.qd_plus[k, i]"));
+        }
+        let part = |of: &Py<PyAny>| of.bind(py).get_item(index).map(Bound::unbind);
+        let codes = part(&self.codes)?;
+        let mut blocks = self.blocks.each_ref().map(|block| block.clone_ref(py));
+        blocks.iter_mut().try_for_each(|block| part(block).map(|own| *block = own))?;
+        let derivatives = self.derivatives.as_ref().map(|all| -> PyResult<_> {
+            let own = PyDict::new(py);
+            for (name, of) in all.bind(py) {
+                own.set_item(name, of.get_item(index)?)?;
+            }
+            Ok(own.unbind())
+        });
+        let (count, derivatives) = (codes.bind(py).len()?, derivatives.transpose()?);
+        Ok(Bound::new(py, Self { count, law: self.law, blocks, codes, derivatives })?.into_any())
+    }
+
+    fn __iter__<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyIterator>> {
+        let states = PyRange::new(this.py(), 0, this.get().count as isize)?;
+        this.py().import("builtins")?.call_method1("map", (this.getattr("__getitem__")?, states))?.try_iter()
     }
 
     /// The states at which a flag is set, an array of booleans of shape (B,).
@@ -247,6 +358,10 @@ impl Impacts {
             return Err(PyValueError::new_err(format!("no flag is named '{name}': the flags are {names}")));
         };
         Self::column(py, &self.codes, 1)?.bitand(1u8 << bit)?.call_method1("astype", ("bool",))
+    }
+
+    fn _repr_html_<'py>(this: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        notebook::call(this.py(), "impacts_html", (this,))
     }
 
     fn __repr__(&self) -> String {

@@ -3,6 +3,7 @@
 use crate::array::{Array, Given, Numbers, array, numpy};
 use crate::callable::Callable;
 use crate::error::{Raise, exceptions};
+use crate::pickle::{Parts, Pickled, tuple};
 use carom_impact::{AnyLaw, Brach, Coefficients, ImpactError, ImpactOutcome, ImpactProblem, Law};
 use carom_sim::ContactLaw;
 use nalgebra::{SMatrix, SVector};
@@ -227,8 +228,22 @@ impl PythonLaw {
     }
 }
 
+/// By its function, which Python pickles by its name.
+impl Pickled for PythonLaw {
+    fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let Self { own, restitution, friction } = self;
+        tuple(py, [own.function.function(py), restitution.write(py)?, friction.write(py)?, own.name.write(py)?])
+    }
+
+    fn read(from: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let mut parts = Parts::of(from)?;
+        let function: Py<PyAny> = parts.next()?;
+        Self::new(function.bind(from.py()), parts.next()?, parts.next()?, Some(parts.next()?))
+    }
+}
+
 /// A name that lives as long as the program: each distinct name is kept once.
-fn kept(name: String) -> &'static str {
+pub fn kept(name: String) -> &'static str {
     static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
     let mut names = NAMES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     if let Some(known) = names.get(name.as_str()) {
@@ -300,6 +315,14 @@ impl GivenLaw {
     /// Whether the law is written in Python.
     pub fn is_python(&self) -> bool {
         matches!(self, Self::Python(..))
+    }
+
+    /// The same law with these coefficients of restitution and friction, if they are given.
+    pub fn with(&self, [restitution, friction]: [Option<f64>; 2]) -> Self {
+        let (Self::Known(law), true) = (self, restitution.or(friction).is_some()) else { return self.clone() };
+        let own = law.coefficients();
+        let (restitution, friction) = (restitution.unwrap_or(own.restitution), friction.unwrap_or(own.friction));
+        Self::Known(law.with(Coefficients { restitution, friction, ..own }))
     }
 
     /// The law on problems in space.

@@ -1,10 +1,10 @@
 //! The Python package of carom: impacts of kinematic chains, scenes, maps and fits on NumPy arrays.
 //!
 //! Order of the modules: `error` and `array` (errors and numbers of Python), `threads` and `batch` (loops over states), `callable`
-//! (functions of Python), `chain`, `order` and `dynamics` (the class `Chain`), `laws` and `outcome` (laws on plain numbers), `impact` and
+//! (functions of Python), `pickle`, `chain`, `order` and `dynamics` (the class `Chain`), `laws` and `outcome` (laws on plain numbers), `impact` and
 //! `impacts`, `points` (one impact, a batch of impacts, several points), `diagram`, `table`, `controller`, `scene`, `run`, `sensitivity` and `session`
 //! (simulations),
-//! `study` and `fit`. Nothing is computed here: every method converts its arguments, calls the crates and
+//! `study` and `fit`; `notebook` (tables and plots). Nothing is computed here: every method converts its arguments, calls the crates and
 //! converts the result.
 
 /// A dict of these keys.
@@ -46,8 +46,10 @@ mod fit;
 mod impact;
 mod impacts;
 mod laws;
+mod notebook;
 mod order;
 mod outcome;
+mod pickle;
 mod points;
 mod run;
 mod scene;
@@ -78,6 +80,8 @@ mod _carom {
     use crate::laws::{KnownLaw, PythonLaw};
     #[pymodule_export]
     use crate::outcome::{Outcome, law};
+    #[pymodule_export]
+    use crate::pickle::unpickled;
     #[pymodule_export]
     use crate::points::SeveralImpact;
     #[pymodule_export]

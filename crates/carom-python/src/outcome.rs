@@ -3,6 +3,7 @@
 use crate::array::{Array, Given, Numbers, list};
 use crate::error::{Raise, exceptions};
 use crate::laws::{GivenLaw, each_law, problem};
+use crate::pickle::{fields, variants};
 use carom_impact::ImpactOutcome;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -29,6 +30,9 @@ impl Outcome {
         (of!(self, hit => hit.law.to_owned()), of!(self, hit => hit.impulse.as_slice()))
     }
 }
+
+fields! { Outcome { numbers } }
+variants! { OutcomeNumbers { Plane(hit), Space(hit) } }
 
 enum OutcomeNumbers {
     Plane(ImpactOutcome<f64, 2>),

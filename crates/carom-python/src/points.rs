@@ -4,6 +4,7 @@ use crate::array::{Array, Given, Maybe, array, list, vector};
 use crate::chain::Chain;
 use crate::error::{exceptions, raise};
 use crate::impact::Joints;
+use crate::pickle::fields;
 use carom_chain::FramePoint;
 use carom_sim::{Grip, Impacts as _, SeveralLaw, StruckPoint};
 use nalgebra::Vector3;
@@ -11,7 +12,11 @@ use pyo3::prelude::*;
 
 /// The result of an impact at several points.
 #[pyclass(frozen, module = "carom")]
-pub struct SeveralImpact(carom_sim::SeveralImpact);
+pub struct SeveralImpact {
+    hit: carom_sim::SeveralImpact,
+}
+
+fields! { SeveralImpact { hit } }
 
 fn rows<'py>(py: Python<'py>, vectors: &[Vector3<f64>]) -> PyResult<Array<'py>> {
     array(py, vectors.iter().flat_map(|v| v.iter().copied()).collect(), &[vectors.len(), 3])
@@ -19,29 +24,29 @@ fn rows<'py>(py: Python<'py>, vectors: &[Vector3<f64>]) -> PyResult<Array<'py>> 
 
 getters! { SeveralImpact, self, py {
     /// Joint velocities after the impact, shape (nv,); rad/s, m/s.
-    qd_plus: Array<'py> = list(py, &self.0.qd_plus)?;
+    qd_plus: Array<'py> = list(py, &self.hit.qd_plus)?;
     /// Impulses on the robot, shape (K, 3) for K points, world axes, N s. Where points are redundant (three on one body), other
     /// impulses with the same effect on the motion are possible.
-    impulses: Array<'py> = rows(py, &self.0.impulses)?;
+    impulses: Array<'py> = rows(py, &self.hit.impulses)?;
     /// Velocities of the points before the impact, shape (K, 3), world axes, m/s.
-    u_minus: Array<'py> = rows(py, &self.0.u_minus)?;
+    u_minus: Array<'py> = rows(py, &self.hit.u_minus)?;
     /// Velocities of the points after the impact, shape (K, 3), world axes, m/s.
-    u_plus: Array<'py> = rows(py, &self.0.u_plus)?;
+    u_plus: Array<'py> = rows(py, &self.hit.u_plus)?;
     /// Kinetic energy of the robot before the impact, J.
-    energy_before: f64 = self.0.energy_before;
+    energy_before: f64 = self.hit.energy_before;
     /// Kinetic energy of the robot after the impact, J.
-    energy_after: f64 = self.0.energy_after;
+    energy_after: f64 = self.hit.energy_after;
     /// Violation of the law, relative to the largest velocity of a point, at most 1e-9.
-    residual: f64 = self.0.residual;
+    residual: f64 = self.hit.residual;
     /// Notes about the result, as for Impact; and "without-restitution": no impulses satisfy the law with the coefficients of
     /// restitution given, and the result is that with all of them zero, as in scenes.
-    flags: Vec<&'static str> = self.0.flags.names().collect();
+    flags: Vec<&'static str> = self.hit.flags.names().collect();
 } }
 
 #[pymethods]
 impl SeveralImpact {
     fn __repr__(&self) -> String {
-        let hit = &self.0;
+        let hit = &self.hit;
         let (points, before, after) = (hit.impulses.len(), hit.energy_before, hit.energy_after);
         let flags = if hit.flags.is_empty() { String::new() } else { format!(", flags {}", hit.flags) };
         format!(
@@ -128,6 +133,6 @@ impl Chain {
         let points: Vec<StruckPoint> = points.iter().enumerate().map(struck).collect::<PyResult<_>>()?;
         let (q, qd) = (self.q(q)?.single("q")?, self.v("qd", qd)?.single("qd")?);
         let hit = Joints::read(self, joints)?.with(|model| self.chain.impact_at_points(&q, &qd, &points, model, law));
-        Ok(SeveralImpact(hit.map_err(raise)?))
+        Ok(SeveralImpact { hit: hit.map_err(raise)? })
     }
 }

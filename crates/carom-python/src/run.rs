@@ -1,9 +1,12 @@
 //! A run of a scene: samples, events and lasting contacts as arrays and tables.
 
-use crate::array::{Array, array, list};
-use crate::chain::Chain;
-use crate::error::exceptions;
+use crate::array::{Array, Maybe, array, list};
+use crate::chain::{Chain, Origin};
+use crate::error::{exceptions, raise};
 use crate::impact::Impact;
+use crate::notebook;
+use crate::pickle::{Parts, Pickled, fields, tuple, variants};
+use crate::scene::Scene;
 use crate::table::Table;
 use carom_sim::{ContactState, Event, EventKind, Moment, NamedEvent, Plan, Seen, Simulation, Summary};
 use carom_study::{Column, SCENE_KEY, contact_columns, contact_row, coordinate_columns, state_columns};
@@ -11,7 +14,6 @@ use pyo3::prelude::*;
 use pythonize::pythonize;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 /// What a run has reported, in the order of time.
 pub enum Told {
@@ -19,6 +21,8 @@ pub enum Told {
     Event(Event),
     Contacts(f64, Vec<ContactState>),
 }
+
+variants! { Told { Moment(moment), Event(event), Contacts(time, states) } }
 
 impl Told {
     pub fn of(seen: &Seen) -> Option<Self> {
@@ -36,14 +40,14 @@ impl Told {
 /// q and qd have the coordinates of `run.chain`, all joints of the scene.
 #[pyclass(frozen, module = "carom")]
 pub struct Run {
-    scene: Arc<carom_sim::Scene>,
+    scene: Scene,
     plan: Plan,
     told: Vec<Told>,
     summary: Summary,
 }
 
 impl Run {
-    pub fn new(scene: Arc<carom_sim::Scene>, plan: Plan, told: Vec<Told>, summary: Summary) -> Self {
+    pub fn new(scene: Scene, plan: Plan, told: Vec<Told>, summary: Summary) -> Self {
         Self { scene, plan, told, summary }
     }
 
@@ -61,6 +65,20 @@ impl Run {
     }
 }
 
+/// By its scene, which is planned again, and by what it has reported.
+impl Pickled for Run {
+    fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        tuple(py, [self.scene.write(py)?, self.told.write(py)?, self.summary.write(py)?])
+    }
+
+    fn read(from: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let mut parts = Parts::of(from)?;
+        let scene: Scene = parts.next()?;
+        let plan = scene.scene.plan().map_err(raise)?;
+        Ok(Self::new(scene, plan, parts.next()?, parts.next()?))
+    }
+}
+
 /// Lasting contacts at some times as a table.
 pub fn contact_table<'a>(sim: &Simulation, told: impl Iterator<Item = (f64, &'a [ContactState])>) -> Table {
     let mut table = Table::new(contact_columns(sim));
@@ -74,7 +92,7 @@ pub fn contact_table<'a>(sim: &Simulation, told: impl Iterator<Item = (f64, &'a 
 
 getters! { Run, self, py {
     /// The simulated robot.
-    chain: Chain = self.plan.simulation.chain.clone().into();
+    chain: Chain = Chain::new(self.plan.simulation.chain.clone(), Origin::Plan(self.scene.again()));
     /// Times of the samples, shape (S,), s. At the time of an event the sample is the state before it.
     time: Array<'py> = list(py, &self.moments().map(|moment| moment.time).collect::<Vec<_>>())?;
     /// Configurations at the samples, shape (S, nq); rad, m, quaternions.
@@ -101,7 +119,8 @@ impl Run {
     /// The samples as a Table: time, then q.<joint> and qd.<joint>; joints with several coordinates have numbered columns.
     #[getter]
     fn states(&self) -> Table {
-        let mut table = Table::new(state_columns(&self.plan.simulation.chain)).with_text(SCENE_KEY, &self.scene.text);
+        let mut table =
+            Table::new(state_columns(&self.plan.simulation.chain)).with_text(SCENE_KEY, &self.scene.scene.text);
         for Moment { time, q, qd } in self.moments() {
             table.push([*time].iter().chain(q).chain(qd).copied());
         }
@@ -132,7 +151,7 @@ impl Run {
         for (head, positions) in [("q", true), ("qd_minus", false), ("qd_plus", false)] {
             columns.extend(coordinate_columns(&sim.chain, head, positions));
         }
-        let mut table = Table::new(columns).with_text(SCENE_KEY, &self.scene.text);
+        let mut table = Table::new(columns).with_text(SCENE_KEY, &self.scene.scene.text);
         let code = |words: &[String], word: Option<String>| {
             word.and_then(|word| words.iter().position(|it| *it == word)).map_or(f64::NAN, |k| k as f64)
         };
@@ -154,7 +173,7 @@ impl Run {
             Told::Contacts(time, states) => Some((*time, states.as_slice())),
             _ => None,
         });
-        contact_table(&self.plan.simulation, told).with_text(SCENE_KEY, &self.scene.text)
+        contact_table(&self.plan.simulation, told).with_text(SCENE_KEY, &self.scene.scene.text)
     }
 
     /// The end: a tuple of the time (s), q (nq,) and qd (nv,).
@@ -162,6 +181,25 @@ impl Run {
     fn last<'py>(&self, py: Python<'py>) -> PyResult<(f64, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let Moment { time, q, qd } = &self.summary.last;
         Ok((*time, list(py, q)?, list(py, qd)?))
+    }
+
+    /// Draws q and qd over time, with a line at each impact, with matplotlib.
+    ///
+    /// Args:
+    ///     axes: two Axes to draw into; new ones by default.
+    ///
+    /// Returns:
+    ///     The Axes.
+    ///
+    /// Raises:
+    ///     ImportError: matplotlib is not installed.
+    #[pyo3(signature = (axes=None))]
+    fn plot<'py>(this: &Bound<'py, Self>, axes: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
+        notebook::call(this.py(), "run_plot", (this, axes))
+    }
+
+    fn _repr_html_<'py>(this: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        notebook::call(this.py(), "run_html", (this,))
     }
 
     fn __repr__(&self) -> String {
@@ -186,6 +224,8 @@ pub struct RunEvent {
     /// The contact of each impulse.
     struck: Vec<String>,
 }
+
+fields! { RunEvent { event, contact, contacts, reason, flags, struck } }
 
 impl RunEvent {
     /// An event of this simulation.
@@ -214,7 +254,7 @@ getters! { RunEvent, self, py {
     flags: Vec<&'static str> = self.flags.clone();
     /// The Impact, for an event of the kind "impact"; else None.
     impact: Option<Impact> = match &self.event.kind {
-        EventKind::Impact { hit, .. } => Some(Impact::of_event((**hit).clone())),
+        EventKind::Impact { hit, .. } => Some(Impact::of((**hit).clone(), None)),
         _ => None,
     };
     /// Configuration, shape (nq,).
@@ -256,7 +296,7 @@ pub fn record(py: Python<'_>, run: &Bound<'_, Run>, path: PathBuf) -> PyResult<(
     use carom_record::{SceneRecorder, Target};
     let run = run.get();
     let done = py.detach(|| {
-        let mut recorder = SceneRecorder::begin(&Target::File(path), &run.scene, &run.plan)?;
+        let mut recorder = SceneRecorder::begin(&Target::File(path), &run.scene.scene, &run.plan)?;
         for told in &run.told {
             recorder.see(match told {
                 Told::Moment(moment) => Seen::Moment(moment),
@@ -274,7 +314,7 @@ pub fn record(py: Python<'_>, run: &Bound<'_, Run>, path: PathBuf) -> PyResult<(
 #[cfg(not(feature = "rerun"))]
 pub fn record(run: &Bound<'_, Run>, _path: PathBuf) -> PyResult<()> {
     let message = format!(
-        "{} is not recorded: this package is built without recordings; build it with maturin build --features rerun, or use \
+        "{} is not recorded: this package is built without recordings (--no-default-features); build it without that option, or use \
          carom simulate --out",
         run.get().__repr__()
     );

@@ -1,14 +1,16 @@
 //! Scenes: read, planned, run.
 
 use crate::array::{Array, Given, Maybe, list};
-use crate::chain::Chain;
+use crate::chain::{Chain, Origin};
 use crate::controller::PythonController;
 use crate::error::raise;
 use crate::laws::GivenLaw;
+use crate::pickle::{Parts, Pickled, Sources, fields, tuple};
 use crate::run::Run;
 use crate::sensitivity::{self, Sensitivity};
 use crate::session::Session;
-use crate::text::toml_text;
+use crate::text::{by_keys, toml_text};
+use crate::threads::{LOOK, interruptible};
 use carom_sim::{Sampling, Seen, SimError};
 use pyo3::exceptions::{PyUserWarning, PyValueError};
 use pyo3::prelude::*;
@@ -27,13 +29,32 @@ const SAMPLE: f64 = 0.004;
 pub struct Scene {
     pub scene: Arc<carom_sim::Scene>,
     functions: Functions,
+    sources: Arc<Sources>,
+    changed: Changed,
 }
 
-/// The functions in Python that a scene calls.
+/// What is not that of the text.
+#[derive(Clone, Copy, Default)]
+struct Changed {
+    start: bool,
+    duration: bool,
+}
+
+fields! { Changed { start, duration } }
+
+/// The laws that a scene was given beside its keys, and the controller in Python.
 #[derive(Clone, Default)]
 pub struct Functions {
-    laws: Vec<GivenLaw>,
+    laws: Vec<Arc<OwnLaw>>,
     controller: Option<PythonController>,
+}
+
+/// A law of `Scene.with_law` with its arguments.
+struct OwnLaw {
+    law: GivenLaw,
+    object: Py<PyAny>,
+    link: Option<String>,
+    surface: Option<String>,
 }
 
 impl Functions {
@@ -44,28 +65,92 @@ impl Functions {
     pub fn pass<T>(&self, done: Result<T, SimError>) -> PyResult<T> {
         let controller = self.controller.as_ref().and_then(PythonController::raised);
         // All are taken, so that none is left for a later run.
-        match self.laws.iter().filter_map(GivenLaw::raised).chain(controller).reduce(|first, _| first) {
+        match self.laws.iter().filter_map(|own| own.law.raised()).chain(controller).reduce(|first, _| first) {
             Some(raised) => Err(raised),
             None => done.map_err(raise),
         }
     }
 }
 
-impl From<carom_sim::Scene> for Scene {
-    fn from(scene: carom_sim::Scene) -> Self {
-        Self { scene: Arc::new(scene), functions: Functions::default() }
+/// By its text, which is read again, and by what has been changed since: start, duration, laws and controller.
+impl Pickled for Scene {
+    fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let Self { scene, functions, sources, changed } = self;
+        let laws = functions.laws.iter().map(|own| {
+            tuple(py, [own.object.write(py)?, own.link.write(py)?, own.surface.write(py)?]).map(Bound::unbind)
+        });
+        let controller = functions.controller.as_ref();
+        let controller = controller.map(|it| tuple(py, [it.function(py), it.rate().write(py)?]).map(Bound::unbind));
+        tuple(
+            py,
+            [
+                scene.text.write(py)?,
+                sources.write(py)?,
+                scene.q.write(py)?,
+                scene.qd.write(py)?,
+                scene.duration.write(py)?,
+                changed.write(py)?,
+                laws.collect::<PyResult<Vec<Py<PyAny>>>>()?.write(py)?,
+                controller.transpose()?.write(py)?,
+            ],
+        )
+    }
+
+    fn read(from: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (py, mut parts) = (from.py(), Parts::of(from)?);
+        let (text, sources): (String, Sources) = (parts.next()?, parts.next()?);
+        let mut scene = carom_sim::Scene::from_toml(&text, &sources.folder).map_err(raise)?;
+        sources.check(&Sources::of_text(sources.folder.clone(), &scene.files))?;
+        (scene.q, scene.qd, scene.duration) = (parts.next()?, parts.next()?, parts.next()?);
+        scene.files.splice(0..0, sources.file.clone());
+        let mut scene = Self { changed: parts.next()?, ..Self::new(scene, sources) };
+        for own in parts.next::<Vec<Py<PyAny>>>()? {
+            let mut own = Parts::of(own.bind(py))?;
+            let (law, link, surface): (Py<PyAny>, Option<String>, Option<String>) =
+                (own.next()?, own.next()?, own.next()?);
+            scene = scene.with_law(law.bind(py), link.as_deref(), surface.as_deref())?;
+        }
+        if let Some(own) = parts.next::<Option<Py<PyAny>>>()? {
+            let mut own = Parts::of(own.bind(py))?;
+            let function: Py<PyAny> = own.next()?;
+            scene = scene.with_controller(function.bind(py), own.next()?)?;
+        }
+        Ok(scene)
     }
 }
 
 impl Scene {
+    fn new(scene: carom_sim::Scene, sources: Sources) -> Self {
+        let (functions, changed) = Default::default();
+        Self { scene: Arc::new(scene), functions, sources: Arc::new(sources), changed }
+    }
+
+    fn of_text(py: Python<'_>, text: &str, folder: PathBuf) -> Result<Self, SimError> {
+        let scene = py.detach(|| carom_sim::Scene::from_toml(text, &folder))?;
+        let sources = Sources::of_text(folder, &scene.files);
+        Ok(Self::new(scene, sources))
+    }
+
     fn other(&self, scene: carom_sim::Scene) -> Self {
-        Self { scene: Arc::new(scene), functions: self.functions.clone() }
+        Self { scene: Arc::new(scene), ..self.again() }
+    }
+
+    fn own_chain(&self) -> Chain {
+        Chain::new(self.scene.simulation.chain.clone(), Origin::Scene(self.again()))
+    }
+
+    /// The same scene.
+    pub fn again(&self) -> Self {
+        let Self { scene, functions, sources, changed } = self;
+        Self { scene: scene.clone(), functions: functions.clone(), sources: sources.clone(), changed: *changed }
     }
 }
 
 getters! { Scene, self, py {
     /// The robot.
-    chain: Chain = self.scene.simulation.chain.clone().into();
+    chain: Chain = self.own_chain();
+    /// The folder to which names of files in the keys are relative.
+    folder: String = self.sources.folder.display().to_string();
     /// Configuration at the start, shape (nq,).
     q: Array<'py> = list(py, &self.scene.q)?;
     /// Joint velocities at the start, shape (nv,).
@@ -89,21 +174,65 @@ impl Scene {
     ///     UrdfError, StateError: an invalid robot or start.
     #[staticmethod]
     fn from_file(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        Ok(py.detach(|| carom_sim::Scene::from_file(path)).map_err(raise)?.into())
+        let scene = py.detach(|| carom_sim::Scene::from_file(&path)).map_err(raise)?;
+        let sources = Sources::of_file(path, &scene.files);
+        Ok(Self::new(scene, sources))
     }
 
     /// Reads a scene from the text of a scene file; file names in it are relative to `folder`. Errors as `from_file`.
     #[staticmethod]
     #[pyo3(signature = (text, folder=PathBuf::from(".")))]
     fn from_toml(py: Python<'_>, text: &str, folder: PathBuf) -> PyResult<Self> {
-        Ok(py.detach(|| carom_sim::Scene::from_toml(text, folder)).map_err(raise)?.into())
+        Self::of_text(py, text, folder).map_err(raise)
     }
 
     /// Reads a scene from a dict with the keys of a scene file; file names in it are relative to `folder`. Errors as `from_file`.
     #[staticmethod]
     #[pyo3(signature = (keys, folder=PathBuf::from(".")))]
     fn from_dict(py: Python<'_>, keys: Given, folder: PathBuf) -> PyResult<Self> {
-        Self::from_toml(py, &toml_text(keys)?, folder)
+        let text = toml_text(keys)?;
+        Self::of_text(py, &text, folder).map_err(|error| match error {
+            SimError::Scene { rule, .. } => {
+                raise(SimError::Scene { file: "<dict>".into(), rule: by_keys(&rule, &text) })
+            }
+            other => raise(other),
+        })
+    }
+
+    /// The keys of the scene, for `from_dict`; names of files in them are relative to `folder`, so that
+    /// `Scene.from_dict(scene.to_dict(), folder=scene.folder)` is this scene.
+    ///
+    /// Raises:
+    ///     ValueError: a law or a controller was given after reading, or another start to a scene of several robots or with segments:
+    ///         no keys say it.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let refuse = |what: &str| {
+            PyValueError::new_err(format!("{what}: take the dict of the scene before, and change its keys"))
+        };
+        if !self.functions.laws.is_empty() || self.functions.controller.is_some() {
+            return Err(refuse("no keys say a law of with_law or a function of with_controller"));
+        }
+        let mut keys: toml::Table =
+            self.scene.text.parse().map_err(|e: toml::de::Error| PyValueError::new_err(e.to_string()))?;
+        let numbers = |x: &[f64]| toml::Value::from(x.to_vec());
+        if self.changed.start {
+            let robot = keys.get_mut("robot").and_then(toml::Value::as_table_mut);
+            let given = |robot: &toml::Table| robot.get("q").and_then(toml::Value::as_array).map(Vec::len);
+            let robot = robot.filter(|robot| given(robot) == Some(self.scene.q.len()));
+            let robot = robot.ok_or_else(|| {
+                refuse("the start of several robots, or of one with segments, is not in keys of its own")
+            })?;
+            robot.remove("tip_velocity");
+            robot.insert("q".into(), numbers(&self.scene.q));
+            robot.insert("qd".into(), numbers(&self.scene.qd));
+        }
+        if self.changed.duration {
+            let run = keys.entry("run").or_insert_with(|| toml::Table::new().into());
+            if let Some(run) = run.as_table_mut() {
+                run.insert("duration".into(), self.scene.duration.into());
+            }
+        }
+        Ok(pythonize(py, &keys)?.cast_into()?)
     }
 
     /// The same scene from another start.
@@ -112,7 +241,7 @@ impl Scene {
     ///     q, qd: shapes (nq,) and (nv,); what is not given is kept.
     #[pyo3(signature = (q=None, qd=None))]
     fn with_start(&self, q: Maybe, qd: Maybe) -> PyResult<Self> {
-        let chain = Chain::from(self.scene.simulation.chain.clone());
+        let chain = self.own_chain();
         let mut scene = (*self.scene).clone();
         if let Some(q) = q {
             scene.q = chain.q(q)?.single("q")?;
@@ -121,12 +250,14 @@ impl Scene {
             scene.qd = chain.v("qd", qd)?.single("qd")?;
         }
         chain.chain.check_state(&scene.q, &scene.qd).map_err(raise)?;
-        Ok(self.other(scene))
+        let changed = Changed { start: true, ..self.changed };
+        Ok(Self { changed, ..self.other(scene) })
     }
 
     /// The same scene with another duration, s.
     fn with_duration(&self, duration: f64) -> Self {
-        self.other(carom_sim::Scene { duration, ..(*self.scene).clone() })
+        let changed = Changed { duration: true, ..self.changed };
+        Self { changed, ..self.other(carom_sim::Scene { duration, ..(*self.scene).clone() }) }
     }
 
     /// The same scene with another impact law at its contacts with surfaces and between links.
@@ -140,7 +271,7 @@ impl Scene {
     ///     ValueError: no contact of the scene is meant.
     #[pyo3(signature = (law, *, link=None, surface=None))]
     fn with_law(&self, law: Given, link: Option<&str>, surface: Option<&str>) -> PyResult<Self> {
-        let law = GivenLaw::read(law)?;
+        let (object, law) = (law, GivenLaw::read(law)?);
         let mut scene = (*self.scene).clone();
         let mut met = false;
         for touch in &mut scene.simulation.touches {
@@ -159,9 +290,8 @@ impl Scene {
             return Err(PyValueError::new_err(format!("no contact of the scene is meant: its contacts are {names}")));
         }
         let mut other = self.other(scene);
-        if law.is_python() {
-            other.functions.laws.push(law);
-        }
+        let (link, surface) = (link.map(str::to_owned), surface.map(str::to_owned));
+        other.functions.laws.push(Arc::new(OwnLaw { law, object: object.clone().unbind(), link, surface }));
         Ok(other)
     }
 
@@ -197,7 +327,8 @@ impl Scene {
     fn plan<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let plan = py.detach(|| self.scene.plan()).map_err(raise)?;
         let dict = pythonize(py, &plan)?.cast_into::<PyDict>()?;
-        dict.set_item("joints", Chain::from(plan.simulation.chain.clone()).joint_names())?;
+        let chain = Chain::new(plan.simulation.chain.clone(), Origin::Plan(self.again()));
+        dict.set_item("joints", chain.joint_names())?;
         Ok(dict)
     }
 
@@ -211,24 +342,28 @@ impl Scene {
     ///         Python are passed on as they are.
     #[pyo3(signature = (*, sample=None))]
     fn simulate(&self, py: Python<'_>, sample: Option<f64>) -> PyResult<Run> {
-        let sampling = Sampling { every: Some(sample.or(self.scene.sample).unwrap_or(SAMPLE)), dense: false };
+        let every = sample.or(self.scene.sample).unwrap_or(SAMPLE);
+        let sampling = Sampling { every: Some(every), dense: every > LOOK };
         let rated = self.functions.controller.as_ref().and_then(|it| Some((it, it.rate()?)));
-        let done = py.detach(|| {
+        let done = interruptible(py, |look| {
             let plan = self.scene.plan()?;
             let (mut seen, duration) = (Vec::new(), self.scene.duration);
-            let watch = &mut |it: Seen| seen.extend(crate::run::Told::of(&it));
+            let watch = &mut |it: Seen| {
+                look();
+                seen.extend(crate::run::Told::of(&it));
+            };
             let summary = match rated {
                 Some((controller, rate)) => controller.run((&plan, rate), duration, sampling, watch)?,
                 None => plan.stream(duration, sampling, watch)?,
             };
             Ok((plan, seen, summary))
         });
-        let (plan, seen, summary) = self.functions.pass(done)?;
+        let (plan, seen, summary) = self.functions.pass(done?)?;
         for warning in summary.warnings() {
             let text = std::ffi::CString::new(warning).unwrap_or_default();
             PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
         }
-        Ok(Run::new(self.scene.clone(), plan, seen, summary))
+        Ok(Run::new(self.again(), plan, seen, summary))
     }
 
     /// Starts a Session: a simulation that a loop of one's own advances.
@@ -244,7 +379,7 @@ impl Scene {
             ));
         }
         let session = py.detach(|| self.scene.plan()?.start());
-        Ok(Session::new(self.functions.pass(session)?, self.functions.clone()))
+        Ok(Session::new(self.functions.pass(session)?, self, self.functions.clone()))
     }
 
     /// The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters. Exact to

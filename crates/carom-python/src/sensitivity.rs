@@ -1,6 +1,7 @@
 //! Derivatives of whole runs.
 
 use crate::array::{array, list};
+use crate::pickle::fields;
 use carom_sim::{Parameter, Plan, SimError};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -14,6 +15,8 @@ use pythonize::pythonize;
 pub struct Sensitivity {
     found: carom_sim::Sensitivity,
 }
+
+fields! { Sensitivity { found } }
 
 impl From<carom_sim::Sensitivity> for Sensitivity {
     fn from(found: carom_sim::Sensitivity) -> Self {

@@ -1,12 +1,14 @@
 //! A simulation that a loop in Python advances.
 
 use crate::array::{Array, list};
-use crate::chain::Chain;
+use crate::chain::{Chain, Origin};
 use crate::error::{exceptions, raise};
 use crate::run::{RunEvent, contact_table};
-use crate::scene::Functions;
+use crate::scene::{Functions, Scene};
 use crate::table::Table;
-use carom_sim::{Advance, SimError, StopReason};
+use crate::threads::{LOOK, interruptible};
+use carom_sim::{Advance, Sampling, Seen, SimError, StopReason};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pythonize::pythonize;
 
@@ -21,18 +23,18 @@ pub struct Session {
 }
 
 impl Session {
-    pub fn new(session: carom_sim::Session, functions: Functions) -> Self {
-        let chain = session.chain().clone().into();
+    pub fn new(session: carom_sim::Session, scene: &Scene, functions: Functions) -> Self {
+        let chain = Chain::new(session.chain().clone(), Origin::Plan(scene.again()));
         Self { session, chain, functions }
     }
 
     fn go(
         &mut self,
         py: Python<'_>,
-        advance: impl FnOnce(&mut carom_sim::Session) -> Result<Advance, SimError> + Send,
+        advance: impl FnOnce(&mut carom_sim::Session, &mut dyn FnMut()) -> Result<Advance, SimError> + Send,
     ) -> PyResult<Vec<RunEvent>> {
         let session = &mut self.session;
-        let Advance { events, stop } = self.functions.pass(py.detach(|| advance(session)))?;
+        let Advance { events, stop } = self.functions.pass(interruptible(py, |look| advance(session, look))?)?;
         let sim = self.session.simulation();
         if stop == StopReason::Events && events.is_empty() {
             let (most, time) = (sim.max_events, self.session.time());
@@ -46,7 +48,7 @@ impl Session {
 
 getters! { Session, self, py {
     /// The simulated robot.
-    chain: Chain = self.chain.chain.clone().into();
+    chain: Chain = self.chain.again();
     /// Time, s.
     time: f64 = self.session.time();
     /// Configuration, shape (nq,); rad, m, quaternion.
@@ -85,13 +87,24 @@ impl Session {
     ///     SimulationError: a motion that cannot be continued, more events than max_events. The session then stays where it was.
     ///         Exceptions of a law or a controller in Python are passed on as they are.
     fn advance(&mut self, py: Python<'_>, duration: f64) -> PyResult<Vec<RunEvent>> {
-        self.go(py, |session| session.advance(duration))
+        let sampling = Sampling { every: None, dense: duration > LOOK };
+        self.go(py, |session, look| {
+            let mut events = Vec::new();
+            let watch = &mut |seen: Seen| {
+                look();
+                if let Seen::Event(event) = seen {
+                    events.push(event.clone());
+                }
+            };
+            let stop = session.stream(duration, sampling, watch)?;
+            Ok(Advance { events, stop })
+        })
     }
 
     /// Advances to the next event, by `longest` seconds at most; returns the events of its time, an empty list if there is none.
     /// Errors as `advance`.
     fn advance_to_event(&mut self, py: Python<'_>, longest: f64) -> PyResult<Vec<RunEvent>> {
-        self.go(py, |session| session.advance_to_event(longest))
+        self.go(py, |session, _| session.advance_to_event(longest))
     }
 
     /// The whole state, for `restore`: time, q, qd, the contacts and what they remember. The joint forces are not part of it.
@@ -120,6 +133,13 @@ impl Session {
         self.functions.pass(self.session.restart(&q, &qd))
     }
 
+    fn __reduce__(&self) -> PyResult<Py<PyAny>> {
+        Err(PyTypeError::new_err(
+            "a carom.Session cannot be copied or pickled: start another one of the same scene and restore(session.save()); in another \
+             process pickle the scene, q and qd, and begin with restart(q, qd)",
+        ))
+    }
+
     fn __repr__(&self) -> String {
         let (name, time, mode) = (self.session.chain().name(), self.session.time(), self.session.mode().name());
         format!("<carom.Session of '{name}' at {time} s, {mode}>")
@@ -136,5 +156,11 @@ pub struct SessionState {
 impl SessionState {
     fn __repr__(&self) -> &'static str {
         "<carom.SessionState>"
+    }
+
+    fn __reduce__(&self) -> PyResult<Py<PyAny>> {
+        Err(PyTypeError::new_err(
+            "a carom.SessionState cannot be pickled: pickle the scene, q and qd, and begin with session.restart(q, qd)",
+        ))
     }
 }

@@ -1,12 +1,13 @@
 //! Impact maps of studies.
 
-use crate::array::list;
+use crate::array::{Array, list};
 use crate::batch::CHUNK;
-use crate::chain::Chain;
+use crate::chain::{Chain, Origin};
 use crate::error::raise;
+use crate::pickle::{Parts, Pickled, Sources, tuple};
 use crate::table::Table;
-use crate::text::toml_text;
-use crate::threads::{on_all_cores, pool};
+use crate::text::{by_keys, toml_text};
+use crate::threads::on_all_cores;
 use carom_study::map_study::{MapFile, StudyError, Written};
 use carom_study::{Column, STUDY_KEY};
 use pyo3::exceptions::PyTypeError;
@@ -16,8 +17,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::sync::atomic::Ordering;
 
 /// A study: an impact map over poses, approach angles, speeds, coefficients and laws. Immutable.
 ///
@@ -26,13 +26,44 @@ use std::time::Duration;
 #[pyclass(frozen, module = "carom")]
 pub struct Study {
     study: Arc<carom_study::map_study::Study>,
+    sources: Arc<Sources>,
+}
+
+/// By its text, which is read again.
+impl Pickled for Study {
+    fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        tuple(py, [self.study.text().to_owned().write(py)?, self.sources.write(py)?])
+    }
+
+    fn read(from: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let mut parts = Parts::of(from)?;
+        let (text, sources): (String, Sources) = (parts.next()?, parts.next()?);
+        let study = carom_study::map_study::Study::from_toml(&text, &sources.folder).map_err(raise)?;
+        sources.check(&Sources::of_text(sources.folder.clone(), &study.files))?;
+        Ok(Self { study: Arc::new(study), sources: Arc::new(sources) })
+    }
 }
 
 impl Study {
+    pub fn its_chain(&self) -> &carom_chain::Chain {
+        self.study.chain()
+    }
+
+    fn of_text(py: Python<'_>, text: &str, folder: PathBuf) -> Result<Self, StudyError> {
+        let study = py.detach(|| carom_study::map_study::Study::from_toml(text, &folder))?;
+        let sources = Sources::of_text(folder, &study.files);
+        Ok(Self { study: Arc::new(study), sources: Arc::new(sources) })
+    }
+
+    /// The same study.
+    fn again(&self) -> Self {
+        Self { study: self.study.clone(), sources: self.sources.clone() }
+    }
+
     /// The study in a file or a dict.
     fn read(py: Python<'_>, given: &Bound<'_, PyAny>, folder: PathBuf) -> PyResult<Self> {
         if let Ok(study) = given.cast::<Self>() {
-            return Ok(Self { study: study.get().study.clone() });
+            return Ok(study.get().again());
         }
         if given.is_instance_of::<PyMapping>() {
             return Self::from_dict(py, given, folder);
@@ -61,37 +92,13 @@ fn named<'py>(py: Python<'py>, columns: &[Column], row: &[f64]) -> PyResult<Boun
     Ok(dict)
 }
 
-/// Runs `work` on other threads, which `stop` ends early, while this one waits for signals (Ctrl-C).
-fn interruptible<R: Send>(py: Python<'_>, work: impl FnOnce(&AtomicBool) -> R + Send) -> PyResult<R> {
-    let (stop, pool) = (AtomicBool::new(false), pool(py)?);
-    py.detach(|| {
-        std::thread::scope(|scope| {
-            let worker = scope.spawn(|| pool.install(|| work(&stop)));
-            let mut raised = None;
-            while !worker.is_finished() {
-                std::thread::park_timeout(Duration::from_millis(5));
-                if raised.is_none() {
-                    // Nothing waits for the result where the interpreter is shutting down.
-                    let alive = Python::try_attach(|py| raised = py.check_signals().err()).is_some();
-                    stop.store(raised.is_some() || !alive, Ordering::Relaxed);
-                }
-            }
-            match (worker.join(), raised) {
-                (_, Some(signal)) => Err(signal),
-                (Ok(result), None) => Ok(result),
-                (Err(panic), None) => std::panic::resume_unwind(panic),
-            }
-        })
-    })
-}
-
 getters! { Study, self, py {
     /// Names of the columns.
     columns: Vec<&str> = names(&self.study);
     /// Units of the columns: a dict; empty texts for words and dimensionless numbers.
     units: BTreeMap<&str, &str> = names(&self.study).into_iter().map(|name| (name, self.study.unit(name))).collect();
     /// The robot.
-    chain: Chain = self.study.chain().clone().into();
+    chain: Chain = Chain::new(self.study.chain().clone(), Origin::Study(self.again()));
     /// Warnings, one sentence each.
     warnings: Vec<String> = self.study.warnings.clone();
 } }
@@ -105,23 +112,29 @@ impl Study {
     ///     UrdfError: an invalid robot.
     #[staticmethod]
     fn from_file(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        Ok(Self { study: Arc::new(py.detach(|| carom_study::map_study::Study::from_file(path)).map_err(raise)?) })
+        let study = py.detach(|| carom_study::map_study::Study::from_file(&path)).map_err(raise)?;
+        let sources = Sources::of_file(path, &study.files);
+        Ok(Self { study: Arc::new(study), sources: Arc::new(sources) })
     }
 
     /// Reads a study from the text of a study file; file names in it are relative to `folder`. Errors as `from_file`.
     #[staticmethod]
     #[pyo3(signature = (text, folder=PathBuf::from(".")))]
     fn from_toml(py: Python<'_>, text: &str, folder: PathBuf) -> PyResult<Self> {
-        Ok(Self {
-            study: Arc::new(py.detach(|| carom_study::map_study::Study::from_toml(text, folder)).map_err(raise)?),
-        })
+        Self::of_text(py, text, folder).map_err(raise)
     }
 
     /// Reads a study from a dict with the keys of a study file; file names in it are relative to `folder`. Errors as `from_file`.
     #[staticmethod]
     #[pyo3(signature = (keys, folder=PathBuf::from(".")))]
     fn from_dict(py: Python<'_>, keys: &Bound<'_, PyAny>, folder: PathBuf) -> PyResult<Self> {
-        Self::from_toml(py, &toml_text(keys)?, folder)
+        let text = toml_text(keys)?;
+        Self::of_text(py, &text, folder).map_err(|error| match error {
+            StudyError::File { rule, .. } => {
+                raise(StudyError::File { file: "<dict>".into(), rule: by_keys(&rule, &text) })
+            }
+            other => raise(other),
+        })
     }
 
     /// Number of rows.
@@ -144,16 +157,17 @@ impl Study {
         let (width, all) = (columns.len(), study.rows());
         let end = stop.unwrap_or(all).min(all).max(start.min(all));
         let count = usize::try_from(end - start.min(all)).unwrap_or(usize::MAX);
-        let rows = interruptible(py, |stop| {
+        let rows = on_all_cores(py, |stop| {
             let mut rows = vec![0.0; count * width];
             let pieces = rows.par_chunks_mut(CHUNK * width).enumerate().with_max_len(4);
             pieces.for_each_init(
                 || study.evaluator(),
                 |evaluator, (c, rows)| {
                     for (k, row) in rows.chunks_exact_mut(width).enumerate() {
-                        if !stop.load(Ordering::Relaxed) {
-                            evaluator.row(start + (c * CHUNK + k) as u64, row);
+                        if stop.load(Ordering::Relaxed) {
+                            break;
                         }
+                        evaluator.row(start + (c * CHUNK + k) as u64, row);
                     }
                 },
             );
@@ -171,14 +185,14 @@ impl Study {
     fn write(&self, py: Python<'_>, path: PathBuf, resume: bool) -> PyResult<()> {
         let file = MapFile { path, rows: 0..self.study.rows(), resume };
         let study = &*self.study;
-        let written: Result<Written, StudyError> = interruptible(py, |stop| study.write(&file, &|_| {}, stop))?;
+        let written: Result<Written, StudyError> = on_all_cores(py, |stop| study.write(&file, &|_| {}, stop))?;
         written.map(drop).map_err(raise)
     }
 
     /// One column of the map as a picture, the text of an SVG.
     fn svg(&self, py: Python<'_>, column: &str) -> PyResult<String> {
         let study = &*self.study;
-        on_all_cores(py, || study.picture(column))?.map_err(raise)
+        on_all_cores(py, |_| study.picture(column))?.map_err(raise)
     }
 
     /// The best rows under the conditions in [advise] of the study: a dict of "column", "goal", "fulfil" (number of rows that
@@ -189,7 +203,7 @@ impl Study {
     ///     StudyError: a study without [advise].
     fn advise<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (study, columns) = (&*self.study, self.study.columns());
-        let advice = on_all_cores(py, || study.advise())?.map_err(raise)?;
+        let advice = on_all_cores(py, |_| study.advise())?.map_err(raise)?;
         let pose = |q: &[f64]| list(py, q);
         let mut best = Vec::new();
         for it in &advice.best {

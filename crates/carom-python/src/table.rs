@@ -3,6 +3,8 @@
 use crate::array::{Array, Maybe, list, numpy};
 use crate::error::raise;
 use crate::laws::texts;
+use crate::notebook;
+use crate::pickle::fields;
 use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{ArrayRef, DictionaryArray, Float64Array, Int32Array, RecordBatch, RecordBatchIterator, StringArray};
 use arrow_schema::{ArrowError, DataType, Field, Schema};
@@ -23,7 +25,18 @@ pub struct Table {
     /// The numbers of each column; in a column of words their indices, NaN for the empty word.
     values: Vec<Vec<f64>>,
     /// Key and text of the scene or study, for the metadata of Parquet files.
-    source: Option<(&'static str, String)>,
+    source: Option<Source>,
+}
+
+/// Key and text of a scene or a study.
+struct Source {
+    key: &'static str,
+    text: String,
+}
+
+fields! {
+    Table { columns, values, source }
+    Source { key, text }
 }
 
 impl Table {
@@ -34,7 +47,7 @@ impl Table {
 
     /// The same table with the text of the scene or study that it is from.
     pub fn with_text(self, key: &'static str, text: &str) -> Self {
-        Self { source: Some((key, text.to_owned())), ..self }
+        Self { source: Some(Source { key, text: text.to_owned() }), ..self }
     }
 
     /// Appends a row: a number for each column.
@@ -138,7 +151,7 @@ impl Table {
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.detach(|| {
             let mut table = carom_study::Table::create_with(&path, &self.columns)?;
-            if let Some((key, text)) = &self.source {
+            if let Some(Source { key, text }) = &self.source {
                 table.describe(key, text);
             }
             let mut row = vec![0.0; self.columns.len()];
@@ -164,6 +177,28 @@ impl Table {
         let schema = batch.schema();
         let stream = FFI_ArrowArrayStream::new(Box::new(RecordBatchIterator::new([Ok(batch)], schema)));
         PyCapsule::new_with_value(py, stream, c"arrow_array_stream")
+    }
+
+    /// Draws a column over another one with matplotlib.
+    ///
+    /// Args:
+    ///     y: name of the column.
+    ///     x: name of the other one; the first column by default.
+    ///     axes: the Axes to draw into; new ones by default.
+    ///
+    /// Returns:
+    ///     The Axes.
+    ///
+    /// Raises:
+    ///     KeyError: no column has the name.
+    ///     ImportError: matplotlib is not installed.
+    #[pyo3(signature = (y, x=None, axes=None))]
+    fn plot<'py>(this: &Bound<'py, Self>, y: &str, x: Option<&str>, axes: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
+        notebook::call(this.py(), "table_plot", (this, y, x, axes))
+    }
+
+    fn _repr_html_<'py>(this: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        notebook::call(this.py(), "table_html", (this,))
     }
 
     fn __repr__(&self) -> String {

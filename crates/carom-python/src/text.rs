@@ -1,9 +1,11 @@
 //! Scenes and studies as dicts: their text in TOML.
 
 use crate::array::{Numbers, numpy};
+use carom_chain::input::shown;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use toml::{Table, Value};
 
@@ -17,7 +19,46 @@ pub fn toml_text(given: &Bound<'_, PyAny>) -> PyResult<String> {
         return Err(PyTypeError::new_err("this is not a dict: give the keys of the file as a dict"));
     };
     let table = table("", mapping, 0)?;
-    toml::to_string(&table).map_err(|e| PyValueError::new_err(e.to_string()))
+    // A line of its own, for messages about the whole text.
+    let text = toml::to_string(&table).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    Ok(format!("# from a dict\n{text}"))
+}
+
+/// A message about this text, which begins with a line of it, with the key in that line instead: the user has given a dict.
+pub fn by_keys(message: &str, text: &str) -> String {
+    let found = message.strip_prefix("line ").and_then(|rest| {
+        let digits = rest.find(|c: char| !c.is_ascii_digit())?;
+        let number: usize = rest[..digits].parse().ok()?;
+        let line = text.lines().nth(number.checked_sub(1)?).unwrap_or("").trim();
+        let quoted = format!(", {}: ", shown(line));
+        let rule = rest[digits..].strip_prefix(quoted.as_str()).or_else(|| rest[digits..].strip_prefix(": "))?;
+        Some((number, rule))
+    });
+    let Some((number, rule)) = found else { return message.to_owned() };
+    // How many tables of each array of tables there are up to the line, and the table that the line is in.
+    let (mut counts, mut place) = (BTreeMap::<String, usize>::new(), String::new());
+    let mut key = None;
+    for line in text.lines().take(number) {
+        let Some(header) = line.strip_prefix('[') else {
+            key = line.split_once(" = ").map(|(key, _)| key);
+            continue;
+        };
+        let path = header.trim_end_matches(']').trim_start_matches('[');
+        if line.starts_with("[[") {
+            *counts.entry(path.to_owned()).or_default() += 1;
+            counts.retain(|other, _| !other.starts_with(&format!("{path}.")));
+        }
+        (key, place) = (None, String::new());
+        let mut prefix = String::new();
+        for part in path.split('.') {
+            let dot = if prefix.is_empty() { "" } else { "." };
+            prefix = format!("{prefix}{dot}{part}");
+            let count = counts.get(&prefix).map_or_else(String::new, |count| format!("[{}]", count - 1));
+            place = format!("{place}{dot}{part}{count}");
+        }
+    }
+    let place: Vec<&str> = [place.as_str(), key.unwrap_or("")].into_iter().filter(|part| !part.is_empty()).collect();
+    if place.is_empty() { rule.to_owned() } else { format!("{}: {rule}", place.join(".")) }
 }
 
 /// Greatest number of dicts and lists in one another; that of the reader of TOML is 80.

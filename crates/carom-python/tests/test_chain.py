@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import carom
-from conftest import ROOT, close, states
+from conftest import close, states
 
 ROD = """<robot name="rod"><link name="base"/>
   <link name="rod"><inertial><origin xyz="1 0 0"/><mass value="2"/>
@@ -214,11 +214,3 @@ def test_a_uniform_chain_has_the_inertia_of_a_rod():
     close(rod.mass_matrix(rod.neutral())[0, 0], 3.0 * 2.0**2 / 3, 1e-14)
     with pytest.raises(carom.ChainError, match="positive"):
         carom.Chain.uniform(0, length=1.0, mass=1.0)
-
-
-def test_a_chain_says_that_it_cannot_be_pickled(arm):
-    import pickle
-
-    with pytest.raises(TypeError, match="from_urdf"):
-        pickle.dumps(arm)
-    assert (ROOT / "robots/planar2.urdf").exists()

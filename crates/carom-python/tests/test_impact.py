@@ -57,8 +57,65 @@ def test_a_batch_equals_single_impacts(law, arm7, rng):
         for name in ("qd_plus", "impulse", "u_minus", "u_plus", "energy_before", "energy_after", "normal_work", "friction_work"):
             assert np.array_equal(getattr(one, name), getattr(batch, name)[k]), name
         assert one.mode == batch.mode[k] and one.law == law.name
-        assert one.flags == [f.name.lower().replace("_", "-") for f in carom.Flags if f & batch.flags[k]]
+        assert one.flags == [f.name.lower().replace("_", "-") for f in carom.Flags if f & batch.flag_bits[k]]
     assert {"open", "slip"} <= set(batch.mode) and batch.flagged("no-approach").any()
+
+
+VECTORS = ("qd_plus", "impulse", "u_minus", "u_plus", "drive_impulse")
+NUMBERS = ("energy_before", "energy_after", "energy_ratio", "normal_work", "friction_work", "drive_work")
+WORDS = ("law", "mode", "flags")
+
+
+def test_a_state_of_a_batch_is_its_impact(arm7, rng):
+    q, qd = states(arm7, rng, 40)
+    args = dict(frame=arm7.frames[-1], normal=NORMAL, law=carom.ChatterjeeRuina(0.5, 0.3, 0.2), derivatives=True)
+    batch = arm7.impact(q, qd, **args)
+    for k, hit in enumerate(batch):
+        one = arm7.impact(q[k], qd[k], **args)
+        for name in VECTORS + NUMBERS:
+            assert np.array_equal(getattr(hit, name), getattr(one, name)), name
+            assert np.array_equal(getattr(hit, name), getattr(batch, name)[k]), name
+        assert all(getattr(hit, name) == getattr(one, name) for name in WORDS) and repr(hit) == repr(one)
+        assert batch.flags[k] == one.flags and batch.mode[k] == one.mode and batch.law == one.law
+        assert {name: value.tolist() for name, value in hit.derivatives.items()} == {
+            name: value.tolist() for name, value in one.derivatives.items()
+        }
+    assert k == 39 and {"no-approach"} < {*sum(batch.flags, []), ""}
+    assert repr(batch[-1]) == repr(batch[39]) == repr(batch[np.int64(39)])
+    met = ~batch.flagged("no-approach")
+    for part, places in [(batch[5:30:2], np.arange(5, 30, 2)), (batch[met], np.flatnonzero(met)), (batch[[3, 1]], [3, 1])]:
+        assert isinstance(part, carom.Impacts) and len(part) == len(places)
+        assert np.array_equal(part.qd_plus, batch.qd_plus[places]) and repr(part[1]) == repr(batch[places[1]])
+        assert np.array_equal(part.derivatives["q"], batch.derivatives["q"][places])
+    for wrong, error in [(40, IndexError), (-41, IndexError), ((1, 2), TypeError), ("a", IndexError)]:
+        with pytest.raises(error):
+            batch[wrong]
+
+
+def test_normals_points_and_coefficients_may_differ_between_states(arm7, rng):
+    q, qd = states(arm7, rng, 300)
+    normal, point = rng.normal(size=(300, 3)), 0.1 * rng.normal(size=(300, 3))
+    e, mu = rng.uniform(0, 1, 300), rng.uniform(0, 0.8, 300)
+    frame = arm7.frames[-1]
+    batch = arm7.impact(q, qd, frame, normal, carom.Energetic(0.5, 0.3), point=point, restitution=e, friction=mu)
+    for k in range(300):
+        one = arm7.impact(q[k], qd[k], frame, normal[k], carom.Energetic(e[k], mu[k]), point=point[k])
+        assert np.array_equal(batch.qd_plus[k], one.qd_plus) and np.array_equal(batch.impulse[k], one.impulse), k
+    # One state under many coefficients; the law has the others.
+    swept = arm7.impact(q[0], -qd[0], frame, normal[0], carom.ChatterjeeRuina(0.5, 0.3, 0.4), friction=mu)
+    for k in (0, 7, 299):
+        law = carom.ChatterjeeRuina(0.5, mu[k], 0.4)
+        assert np.array_equal(swept.qd_plus[k], arm7.impact(q[0], -qd[0], frame, normal[0], law).qd_plus)
+    own = arm7.impact(q[0], -qd[0], frame, normal[0], carom.Newton(0.5), restitution=0.25)
+    assert isinstance(own, carom.Impact) and np.array_equal(own.qd_plus, arm7.impact(q[0], -qd[0], frame, normal[0], carom.Newton(0.25)).qd_plus)
+    with pytest.raises(carom.StateError, match="q has 300 states but normal has 299"):
+        arm7.impact(q, qd, frame, normal[:299], carom.Newton(0.5))
+    with pytest.raises(carom.ImpactError, match="state 7: .*restitution"):
+        arm7.impact(q, qd, frame, normal, carom.Newton(0.5), restitution=np.where(np.arange(300) == 7, 1.5, 0.5))
+    with pytest.raises(carom.StateError, match=r"friction has the shape \(300, 1\)"):
+        arm7.impact(q, qd, frame, normal, carom.Newton(0.5), friction=mu[:, None])
+    with pytest.raises(TypeError, match="a function has its own"):
+        arm7.impact(q, qd, frame, normal, newton, friction=mu)
 
 
 def test_laws_show_compare_and_travel():
@@ -156,7 +213,7 @@ def test_a_law_in_python_equals_the_same_law_of_carom(arm7, rng):
     own, known = (arm7.impact(q, qd, law=law, **args) for law in (newton, carom.Frictionless(0.5)))
     for name in ("qd_plus", "impulse", "u_plus", "energy_after", "normal_work"):
         close(getattr(own, name), getattr(known, name), 1e-12)
-    assert np.array_equal(own.flags, known.flags)
+    assert own.flags == known.flags
     one = arm7.impact(q[0], qd[0], law=carom.PythonLaw(newton, 0.5, 0.1, name="mine"), **args)
     assert one.law == "mine" and np.array_equal(one.qd_plus, own.qd_plus[0])
     H, u = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([1.0, -1.0])

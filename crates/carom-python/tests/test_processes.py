@@ -68,6 +68,113 @@ if __name__ == "__main__":
     assert told == "equal\n"
 
 
+def test_pickles_travel_between_processes(tmp_path):
+    # Spawned processes import the package anew.
+    script = tmp_path / "travel.py"
+    script.write_text(
+        BEGIN
+        + f"""
+scene = carom.Scene.from_file({str(ROOT / "scenes/bounce.toml")!r})
+
+def work(given):
+    chain, scene, law, k = given
+    return chain.impact(q[k], qd[k], law=law, **strike), chain.impact(q, qd, law=law, **strike), scene.simulate()
+
+if __name__ == "__main__":
+    given = [(chain, scene, carom.Energetic(0.4, 0.2), k) for k in range(3)]
+    with multiprocessing.get_context("spawn").Pool(2) as pool:
+        for (hit, hits, run), own in zip(pool.map_async(work, given).get(50), map(work, given)):
+            assert repr(hit) == repr(own[0]) and np.array_equal(hits.qd_plus, own[1].qd_plus)
+            assert np.array_equal(run.q, own[2].q) and run.energy == own[2].energy and repr(run.events) == repr(own[2].events)
+            assert run.chain.joints == own[2].chain.joints
+    print("equal")
+"""
+    )
+    ran = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (0, "equal\n", ""), ran
+
+
+CUBE = """<robot name="cube"><link name="cube">
+  <inertial><mass value="0.4"/><inertia ixx="8e-4" ixy="0" ixz="0" iyy="8e-4" iyz="0" izz="8e-4"/></inertial>
+  <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link></robot>"""
+
+# Each takes minutes, unless it is interrupted.
+LONG = {
+    "simulation": "free.simulate(sample=0.01)",
+    "simulation without samples": "free.simulate(sample=1e6)",
+    "simulation with a controller": "free.with_controller(lambda t, q, qd: [0, 0], rate=50).simulate(sample=1e6)",
+    "session": "free.session().advance(1e6)",
+    "batch": "chain.impact(q, qd, law=carom.Energetic(0.4, 0.2), **strike)",
+    "batch with derivatives": "chain.impact(q, qd, law=carom.Energetic(0.4, 0.2), derivatives=True, **strike)",
+    "dynamics": "for _ in range(1000): chain.mass_matrix(q)",
+    "map": "carom.map(study)",
+    "map in a file": "carom.map(study, os.path.join(folder, 'map.csv'))",
+    "fit to tosses": "carom.fit(tosses=folder)",
+    "fit": "carom.fit(delassus=H, u_minus=before, u_plus=after, law='smith')",
+}
+
+
+@pytest.mark.parametrize("kind", LONG)
+def test_an_interruption_ends_what_takes_minutes(kind, tmp_path):
+    script = f"""
+import signal
+q, qd = np.tile(q, (1000, 1)), np.tile(qd, (1000, 1))
+study["joints"]["shoulder"]["count"] = study["joints"]["elbow"]["count"] = 4000
+robot = {{**study["robot"], "q": [0.7854, -1.5708], "qd": [-0.15, 0.6]}}
+free = carom.Scene.from_dict({{"robot": robot, "run": {{"duration": 1e6, "gravity": [0, -9.81, 0]}}}})
+folder = {str(tmp_path)!r}
+H = rng.normal(size=(40000, 3, 4))
+H = H @ H.transpose(0, 2, 1)
+before = rng.normal(size=(40000, 3)) * [1, 1, 0] - [0, 0, 1]
+after = before * [0.9, 0.9, -0.5]
+with open(os.path.join(folder, "cube.urdf"), "w") as file:
+    file.write({CUBE!r})
+with open(os.path.join(folder, "tosses.csv"), "w") as file:
+    file.write("toss,t,px,py,pz,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\\n")
+    for toss in range(400):
+        for t in np.arange(0, 0.6, 0.01):
+            file.write(f"{{toss}},{{t}},{{t}},0,{{0.5 - 4.9 * t * t + 0.001 * toss * t}},1,0,0,0,1,0,{{-9.8 * t}},0,0,0\\n")
+
+def interrupt():
+    time.sleep(0.5)
+    sent.append(time.perf_counter())
+    os.kill(os.getpid(), signal.SIGINT)
+
+sent = []
+threading.Thread(target=interrupt, daemon=True).start()
+try:
+    {LONG[kind]}
+except KeyboardInterrupt:
+    late = time.perf_counter() - sent[0]
+    # Measured: 0.06 s at most. The rest is for a machine that is busy.
+    assert late < 5, late
+    # The package goes on.
+    assert len(chain.impact(q[:1000], qd[:1000], law=carom.Newton(0.5), **strike)) == 1000
+    print("ended")
+"""
+    assert run(script) == "ended\n"
+
+
+def test_an_interrupted_session_stays_where_it_was():
+    told = run(
+        """
+import signal
+robot = {**study["robot"], "q": [0.7854, -1.5708], "qd": [-0.15, 0.6]}
+free = carom.Scene.from_dict({"robot": robot, "run": {"duration": 1, "gravity": [0, -9.81, 0]}})
+session, other = free.session(), free.session()
+threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+try:
+    session.advance(1e6)
+except KeyboardInterrupt:
+    assert session.time == 0
+    session.advance(0.5), other.advance(0.5)
+    assert np.array_equal(session.q, other.q)
+    print("goes on")
+"""
+    )
+    assert told == "goes on\n"
+
+
 WORK = {
     "law": "chain.impact(q, qd, law=lambda H, u: [0, 0, -u[2] / H[2, 2]], **strike)",
     "slow law": "chain.impact(q[0], [-1.0, 1.0], law=lambda H, u: time.sleep(1000), **strike)",

@@ -190,6 +190,60 @@ def test_wrong_scenes_are_refused(tmp_path):
     assert carom.Scene.from_dict(arrays).duration == keys["run"]["duration"]
 
 
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_the_dict_of_a_scene_makes_the_scene(path):
+    scene = carom.Scene.from_file(path)
+    keys = scene.to_dict()
+    assert keys == tomllib.loads(path.read_text())
+    again = carom.Scene.from_dict(keys, folder=scene.folder)
+    assert again.to_dict() == keys and again.contacts == scene.contacts and np.array_equal(again.qd, scene.qd)
+
+
+def test_the_dict_of_a_changed_scene_has_its_start_and_duration():
+    scene = carom.Scene.from_file(ROOT / "scenes/planar2.toml")
+    changed = scene.with_start(q=scene.q + [0.02, 0], qd=[0.1, -0.2]).with_duration(0.25)
+    again = carom.Scene.from_dict(changed.to_dict(), folder=changed.folder)
+    assert np.array_equal(again.q, changed.q) and np.array_equal(again.qd, changed.qd) and again.duration == 0.25
+    assert np.array_equal(again.simulate().q, changed.simulate().q)
+    for other in (scene.with_law(carom.Newton(0.2)), scene.with_controller(lambda t, q, qd: [0, 0])):
+        with pytest.raises(ValueError, match="no keys say"):
+            other.to_dict()
+    several = next(one for one in map(carom.Scene.from_file, SCENES) if isinstance(one.to_dict()["robot"], list))
+    with pytest.raises(ValueError, match="start of several robots"):
+        several.with_start(qd=several.qd).to_dict()
+
+
+def test_messages_about_dicts_name_keys_and_no_lines():
+    keys = tomllib.loads((ROOT / "scenes/planar2.toml").read_text())
+    surface = keys["surface"]
+    for wrong, message in [
+        ({}, "<dict>: missing field `robot`"),
+        ({"contact": {}}, "<dict>: missing field `robot`"),
+        ({**keys, "robot": {"q": [0, 0]}}, "<dict>: robot: missing field `urdf`"),
+        ({**keys, "robot": {**keys["robot"], "q": "x"}}, "<dict>: robot.q: invalid type"),
+        ({**keys, "contact": {"restitutoin": 0.5}}, "<dict>: contact.restitutoin: unknown field"),
+        ({**keys, "surface": [*surface, {"nme": 1}]}, r"<dict>: surface\[1\].nme: unknown field"),
+        ({**keys, "contact": {"pair": [{"link": "tip"}, {"frict": 1}]}}, r"<dict>: contact.pair\[1\].frict: unknown field"),
+    ]:
+        with pytest.raises(carom.SimulationError, match=message) as refused:
+            carom.Scene.from_dict(wrong, folder=ROOT / "scenes")
+        assert "line" not in str(refused.value).replace("mass-spring", "")
+    with pytest.raises(carom.StudyError, match="<dict>: joints.elbow: unknown field"):
+        carom.Study.from_dict({"robot": {"urdf": "x"}, "joints": {"elbow": {"form": 1}}})
+    # A text has lines.
+    with pytest.raises(carom.SimulationError, match="<scene>: line 2"):
+        carom.Scene.from_toml("[robot]\nurfd = 'x'")
+
+
+def test_all_names_of_the_package_keep_those_of_python():
+    names = {}
+    exec("from carom import *", names)
+    import builtins
+
+    assert not {name for name in names if name != "__builtins__"} & set(vars(builtins))
+    assert names["Chain"] is carom.Chain and callable(carom.map)
+
+
 def test_a_map_in_memory_is_the_map_of_the_file(tmp_path):
     pandas = pytest.importorskip("pandas")
     study = carom.Study.from_file(ROOT / "studies/self_motion.toml")
@@ -251,7 +305,7 @@ records = pytest.mark.skipif(not carom.can_record(), reason="this wheel is built
 
 @pytest.mark.skipif(carom.can_record(), reason="this wheel is built with recordings")
 def test_a_wheel_without_recordings_says_how_to_get_them(bounce, tmp_path):
-    with pytest.raises(carom.RecordError, match="--features rerun"):
+    with pytest.raises(carom.RecordError, match="--no-default-features"):
         carom.record(bounce, tmp_path / "run.rrd")
     assert list(tmp_path.iterdir()) == []
 

@@ -53,12 +53,14 @@ from ._errors import (
     StudyError,
     UrdfError,
 )
+from ._notebook import Diagram
+from ._results import Energies
 
 __version__ = _metadata.version("carom")
 
 
 class Flags(_enum.IntFlag):
-    """The bits of ``Impacts.flags``."""
+    """The bits of ``Impacts.flag_bits``."""
 
     ENERGY_GAIN = 1
     JAM = 2
@@ -187,13 +189,16 @@ def record(run, to):
         to.send_chunks(RrdReader(path).stream())
 
 
+# Without `map`: `from carom import *` keeps Python's own.
 __all__ = [
     "Brach",
     "CaromError",
     "Chain",
     "ChainError",
     "ChatterjeeRuina",
+    "Diagram",
     "Energetic",
+    "Energies",
     "Event",
     "Fit",
     "FitError",
@@ -226,6 +231,5 @@ __all__ = [
     "diagram",
     "fit",
     "law",
-    "map",
     "record",
 ]

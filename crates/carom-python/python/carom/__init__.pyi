@@ -1,15 +1,23 @@
-"""Type stubs of carom; the docstrings are in the package."""
+"""Type stubs of carom. stubs.py writes the docstrings and the types of properties."""
 
 import enum
 import os
-from collections.abc import Callable, Mapping, Sequence
-from types import CapsuleType
-from typing import Any, Literal, Protocol, overload
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Generic, Literal, NamedTuple, Protocol, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import CapsuleType, Never, Self
 
 _Floats = NDArray[np.float64]
+_Vector = np.ndarray[tuple[int], np.dtype[np.float64]]
+_Matrix = np.ndarray[tuple[int, int], np.dtype[np.float64]]
+# One state, and a batch of them: lists, and arrays whose number of axes is known.
+_State = Sequence[float] | np.ndarray[tuple[int], np.dtype[Any]]
+_Batch = Sequence[Sequence[float]] | Sequence[np.ndarray[tuple[int], np.dtype[Any]]] | np.ndarray[tuple[int, int], np.dtype[Any]]
+_Joints = Literal["free", "locked"] | Sequence[str] | Mapping[str, Any]
+_Band = tuple[tuple[float, float], tuple[float, float]]
+_Number = TypeVar("_Number")
 _Path = str | os.PathLike[str]
 _Function = Callable[[_Floats, _Floats], ArrayLike]
 _AnyLaw = Law | PythonLaw | _Function
@@ -23,17 +31,27 @@ _Mode = Literal["open", "stick", "slip", "reverse-slip"]
 
 __version__: str
 
-class CaromError(Exception): ...
-class ChainError(CaromError, ValueError): ...
-class UrdfError(ChainError): ...
-class StateError(ChainError): ...
-class ImpactError(CaromError, ValueError): ...
-class SimulationError(CaromError, ValueError): ...
-class StudyError(CaromError, ValueError): ...
-class FitError(CaromError, ValueError): ...
-class RecordError(CaromError): ...
+class CaromError(Exception):
+    """Base class of all exceptions of carom, except ``TypeError`` for arguments of a wrong type."""
+class ChainError(CaromError, ValueError):
+    """A request that the robot cannot answer: an unknown frame or joint, massless links, a singular mass matrix."""
+class UrdfError(ChainError):
+    """A URDF that cannot be read, or that breaks a rule; the message names file, line, element and rule."""
+class StateError(ChainError):
+    """Numbers of a wrong shape, numbers that are not finite, or a quaternion that is not a unit quaternion."""
+class ImpactError(CaromError, ValueError):
+    """An impact that is refused, or that a law has no solution for."""
+class SimulationError(CaromError, ValueError):
+    """A scene or a simulation that is refused, or that cannot be continued."""
+class StudyError(CaromError, ValueError):
+    """A study that breaks a rule, or a map that cannot be written."""
+class FitError(CaromError, ValueError):
+    """Measurements or options to which no coefficients can be fitted."""
+class RecordError(CaromError):
+    """A recording that cannot be written, or a package that is built without recordings."""
 
 class Flags(enum.IntFlag):
+    """The bits of ``Impacts.flag_bits``."""
     ENERGY_GAIN = 1
     JAM = 2
     SINGULAR = 4
@@ -42,55 +60,184 @@ class Flags(enum.IntFlag):
     NO_APPROACH = 32
 
 class Law:
+    """An impact law of carom with its coefficients; the base class of the eight laws. Immutable."""
+    def __new__(cls, _: Never, /) -> Self: ...
+    """An impact law of carom with its coefficients; the base class of the eight laws. Immutable."""
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name of the law, as on the command line and in scenes."""
     @property
-    def restitution(self) -> float: ...
+    def restitution(self) -> float:
+        """Coefficient of restitution, as the law defines it."""
     @property
-    def friction(self) -> float: ...
+    def friction(self) -> float:
+        """Coulomb's coefficient of friction; 0 for a law without one. For Brach's law the size of its impulse ratio."""
     @property
-    def tangential_restitution(self) -> float: ...
+    def tangential_restitution(self) -> float:
+        """Coefficient of tangential restitution; 0 for a law without one."""
 
 class Frictionless(Law):
+    """The frictionless law; Newton's, Poisson's and Stronge's coefficients are equal without friction.
+
+    Args:
+        restitution: 0 to 1.
+
+    Raises:
+        ImpactError: a coefficient out of its range.
+    """
     def __new__(cls, restitution: float) -> Frictionless: ...
 
 class Whittaker(Law):
+    """Whittaker's law: the ratio of normal velocities is `restitution`, and Coulomb's friction acts against the slip after the
+    impact. Can gain energy.
+
+    Args:
+        restitution: 0 to 1.
+        friction: Coulomb's coefficient, 0 or more.
+
+    Raises:
+        ImpactError: a coefficient out of its range.
+    """
     def __new__(cls, restitution: float, friction: float = 0.0) -> Whittaker: ...
 
 class Newton(Law):
+    """Newton's law along the path of the slip: the ratio of normal velocities is `restitution`. Can gain energy.
+
+    Args:
+        restitution: 0 to 1.
+        friction: Coulomb's coefficient, 0 or more.
+
+    Raises:
+        ImpactError: a coefficient out of its range.
+    """
     def __new__(cls, restitution: float, friction: float = 0.0) -> Newton: ...
 
 class Poisson(Law):
+    """Poisson's law along the path of the slip: the ratio of normal impulses is `restitution`.
+
+    Args:
+        restitution: 0 to 1.
+        friction: Coulomb's coefficient, 0 or more.
+
+    Raises:
+        ImpactError: a coefficient out of its range.
+    """
     def __new__(cls, restitution: float, friction: float = 0.0) -> Poisson: ...
 
 class Energetic(Law):
+    """Stronge's law along the path of the slip: the ratio of normal works is the square of `restitution`. Never gains energy.
+
+    Args:
+        restitution: 0 to 1.
+        friction: Coulomb's coefficient, 0 or more.
+
+    Raises:
+        ImpactError: a coefficient out of its range.
+    """
     def __new__(cls, restitution: float, friction: float = 0.0) -> Energetic: ...
 
 class Smith(Law):
+    """Smith's law: friction against a mean of the slips before and after.
+
+    Args:
+        restitution: 0 to 1.
+        friction: Coulomb's coefficient, 0 or more.
+
+    Raises:
+        ImpactError: a coefficient out of its range.
+    """
     def __new__(cls, restitution: float, friction: float = 0.0) -> Smith: ...
 
 class ChatterjeeRuina(Law):
+    """Chatterjee and Ruina's law: an algebraic law with a coefficient of tangential restitution. Never gains energy.
+
+    Args:
+        restitution: 0 to 1.
+        friction: Coulomb's coefficient, 0 or more.
+        tangential_restitution: -1 (no tangential impulse) to 1 (one that reverses the slip).
+
+    Raises:
+        ImpactError: a coefficient out of its range.
+    """
     def __new__(
         cls, restitution: float, friction: float = 0.0, tangential_restitution: float = 0.0
     ) -> ChatterjeeRuina: ...
 
 class Brach(Law):
+    """Brach's law: an impulse ratio, limited so that no energy is gained.
+
+    Args:
+        restitution: 0 to 1.
+        friction: size of the impulse ratio, which is directed towards rest; 0 or more.
+        impulse_ratio: instead of friction, tangential over normal impulse, negative against the initial slip.
+
+    Raises:
+        ImpactError: a coefficient out of its range.
+    """
     def __new__(
         cls, restitution: float, friction: float | None = None, impulse_ratio: float | None = None
     ) -> Brach: ...
 
 class PythonLaw:
+    """An impact law written in Python.
+
+    The function is called as `function(H, u)` with the Delassus matrix H (shape (3, 3), 1/kg) and the contact velocity u
+    (shape (3,), m/s) in contact axes: two tangents, then the normal, which points from the environment to the robot, so that an
+    approaching contact has u[-1] < 0. It returns the impulse on the robot in the same axes, shape (3,), N s. With
+    `carom.law` in the plane the sizes are 2.
+
+    Args:
+        function: the law.
+        restitution: coefficient of restitution, 0 to 1, that holds in scenes where an impact law does not apply: several
+            contacts at once, time steps, compliant contacts.
+        friction: Coulomb's coefficient of friction, 0 or more, for the same and for lasting contacts.
+        name: name of the law in results; that of the function by default.
+
+    A plain function may be given wherever a law is expected; its coefficients are then zero. A call takes some microseconds and
+    needs the GIL: batches are computed one state after another.
+    """
     def __new__(
         cls, function: _Function, restitution: float = 0.0, friction: float = 0.0, name: str | None = None
     ) -> PythonLaw: ...
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name of the law."""
     @property
-    def restitution(self) -> float: ...
+    def restitution(self) -> float:
+        """Coefficient of restitution where an impact law does not apply."""
     @property
-    def friction(self) -> float: ...
+    def friction(self) -> float:
+        """Coulomb's coefficient of friction where an impact law does not apply."""
+
+class Energies(NamedTuple, Generic[_Number]):
+    """Energies of the robot, J: numbers for one state, arrays of shape (B,) for a batch."""
+    kinetic: _Number
+    potential: _Number
 
 class Chain:
+    """A kinematic chain (a tree of links and joints) read from a URDF; immutable.
+
+    Make one with `Chain.from_urdf` or `Chain.from_robot_description`.
+
+    A state is an array q of shape (nq,) with joint velocities qd of shape (nv,); a batch has the shapes (B, nq) and (B, nv).
+    q and qd list the joints in the order of the file, an added floating base first. A floating joint has
+    q = x y z qx qy qz qw, and its qd is the linear, then the angular velocity of the child in child axes. Units are SI and
+    radians. Vectors and matrices of points are in world axes.
+
+    Batches are computed without the GIL and on all cores.
+    """
+    def __new__(cls, _: Never, /) -> Self: ...
+    """A kinematic chain (a tree of links and joints) read from a URDF; immutable.
+
+    Make one with `Chain.from_urdf` or `Chain.from_robot_description`.
+
+    A state is an array q of shape (nq,) with joint velocities qd of shape (nv,); a batch has the shapes (B, nq) and (B, nv).
+    q and qd list the joints in the order of the file, an added floating base first. A floating joint has
+    q = x y z qx qy qz qw, and its qd is the linear, then the angular velocity of the child in child axes. Units are SI and
+    radians. Vectors and matrices of points are in world axes.
+
+    Batches are computed without the GIL and on all cores.
+    """
     @staticmethod
     def from_urdf(
         source: _Path,
@@ -100,7 +247,20 @@ class Chain:
         repair: bool = False,
         strict: bool = False,
         package_dirs: Sequence[_Path] = (),
-    ) -> Chain: ...
+    ) -> Chain:
+        """Reads a URDF: the path of a file, or the text of one.
+
+        Args:
+            source: path of a file, or a string that begins with "<".
+            floating: connects the root link to the world by a floating joint.
+            meshes: False leaves missing collision meshes out; True warns of them, and raises an error where one is used.
+            repair: changes the robot as little as needed to compute its dynamics; `repairs` lists the changes.
+            strict: raises an error for what is otherwise a warning.
+            package_dirs: folders in which packages (package://NAME/…) are searched for first.
+
+        Raises:
+            UrdfError: the file cannot be read or breaks a rule; the message names line, element, value and rule.
+        """
     @staticmethod
     def from_robot_description(
         name: str,
@@ -110,53 +270,120 @@ class Chain:
         repair: bool = False,
         strict: bool = False,
         package_dirs: Sequence[_Path] = (),
-    ) -> Chain: ...
+    ) -> Chain:
+        """Reads a robot of the package `robot_descriptions`, for example "panda_description". The other arguments are those of
+        `from_urdf`.
+
+        Raises:
+            ImportError: the package is not installed, or has no robot of this name, or cannot download it.
+        """
     @staticmethod
-    def uniform(links: int, length: float, mass: float) -> Chain: ...
+    def uniform(links: int, length: float, mass: float) -> Chain:
+        """A chain of equal uniform rods on hinges about z, straight along x at q = 0, with the frame "tip" at its end.
+
+        Args:
+            links: number of rods, 1 or more.
+            length: of the whole chain, m.
+            mass: of the whole chain, kg.
+
+        Raises:
+            ChainError: a number that is not positive.
+        """
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name of the robot."""
     @property
-    def nq(self) -> int: ...
+    def nq(self) -> int:
+        """Length of q."""
     @property
-    def nv(self) -> int: ...
+    def nv(self) -> int:
+        """Length of qd: the degrees of freedom."""
     @property
-    def joints(self) -> list[str]: ...
+    def joints(self) -> list[str]:
+        """Names of the joints that have entries in q and qd, in their order."""
     @property
-    def frames(self) -> list[str]: ...
+    def frames(self) -> list[str]:
+        """Names of the frames, one for each link, in the order of the file."""
     @property
-    def total_mass(self) -> float: ...
+    def total_mass(self) -> float:
+        """Sum of the masses of all links, kg."""
     @property
-    def massless_links(self) -> list[str]: ...
+    def massless_links(self) -> list[str]:
+        """Names of the links that move without mass. Dynamics are refused if there are any."""
     @property
-    def warnings(self) -> list[str]: ...
+    def warnings(self) -> list[str]:
+        """What loading has found odd in the file, one sentence each."""
     @property
-    def repairs(self) -> list[str]: ...
+    def repairs(self) -> list[str]:
+        """The changes that `repair` has made, one sentence each."""
     @property
-    def joint_table(self) -> list[dict[str, Any]]: ...
+    def joint_table(self) -> list[dict[str, Any]]:
+        """The joints of the file: a list of dicts with name, type, parent, child, the slices q and v of its entries (None for
+        fixed and mimic joints), mimic (None, or joint, multiplier and offset), lower, upper, velocity, effort (None without a
+        limit), damping and friction.
+        """
     @property
-    def lower(self) -> _Floats: ...
+    def lower(self) -> _Vector:
+        """Lower limits of the positions, shape (nv,), rad or m; -inf without a limit and for floating and planar joints."""
     @property
-    def upper(self) -> _Floats: ...
+    def upper(self) -> _Vector:
+        """Upper limits of the positions, shape (nv,), rad or m; inf without a limit and for floating and planar joints."""
     @property
-    def velocity_limit(self) -> _Floats: ...
+    def velocity_limit(self) -> _Vector:
+        """Limits of the speeds, shape (nv,), rad/s or m/s; inf without a limit."""
     @property
-    def effort_limit(self) -> _Floats: ...
-    def neutral(self) -> _Floats: ...
-    def random_configuration(
-        self, rng: np.random.Generator | int | None = None, size: int | None = None
-    ) -> _Floats: ...
-    def integrate(self, q: ArrayLike, qd: ArrayLike, dt: float = 1.0, *, out: _Floats | None = None) -> _Floats: ...
-    def difference(self, q_from: ArrayLike, q_to: ArrayLike, *, out: _Floats | None = None) -> _Floats: ...
-    def outside_limits(self, q: ArrayLike) -> list[str]: ...
+    def effort_limit(self) -> _Vector:
+        """Limits of the efforts, shape (nv,), N m or N; inf without a limit."""
+    def neutral(self) -> _Vector:
+        """The configuration in which all coordinates are zero and quaternions are the identity, shape (nq,)."""
     @overload
-    def to_pinocchio(self, q: ArrayLike, v: None = None) -> _Floats: ...
+    def random_configuration(self, rng: np.random.Generator | int | None = None, size: None = None) -> _Vector:
+        """Random configurations: uniform within the position limits of the joints, within ±π rad or ±1 m without limits;
+        floating joints within ±1 m and with a uniform rotation.
+
+        Args:
+            rng: a numpy.random.Generator, or a seed of one.
+            size: None for one configuration of shape (nq,), or their number B for the shape (B, nq).
+        """
+    @overload
+    def random_configuration(self, rng: np.random.Generator | int | None = None, *, size: int) -> _Matrix: ...
+    @overload
+    def random_configuration(self, rng: np.random.Generator | int | None, size: int) -> _Matrix: ...
+    def integrate(self, q: ArrayLike, qd: ArrayLike, dt: float = 1.0, *, out: _Floats | None = None) -> _Floats:
+        """The configuration after moving from q with the constant velocity qd for dt seconds; shape of q.
+
+        Raises:
+            StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
+        """
+    def difference(self, q_from: ArrayLike, q_to: ArrayLike, *, out: _Floats | None = None) -> _Floats:
+        """The constant velocity that moves the chain from q_from to q_to in one second; shape (nv,) or (B, nv).
+
+        Raises:
+            StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
+        """
+    def outside_limits(self, q: ArrayLike) -> list[str]:
+        """The positions of joints of one degree of freedom that are outside their limits at q (shape (nq,)), one sentence each."""
+    @overload
+    def to_pinocchio(self, q: ArrayLike, v: None = None) -> _Floats:
+        """q, or the pair (q, v), in the order and the coordinates of a Pinocchio model of the same file: children sorted by the
+        names of their joints, continuous joints as (cos, sin), mimic joints with coordinates of their own.
+
+        Raises:
+            ChainError: a planar joint, whose axis Pinocchio does not read.
+        """
     @overload
     def to_pinocchio(self, q: ArrayLike, v: ArrayLike) -> tuple[_Floats, _Floats]: ...
     @overload
-    def from_pinocchio(self, q: ArrayLike, v: None = None) -> _Floats: ...
+    def from_pinocchio(self, q: ArrayLike, v: None = None) -> _Floats:
+        """The inverse of `to_pinocchio`; the positions of mimic joints are ignored."""
     @overload
     def from_pinocchio(self, q: ArrayLike, v: ArrayLike) -> tuple[_Floats, _Floats]: ...
-    def mass_matrix(self, q: ArrayLike, *, out: _Floats | None = None) -> _Floats: ...
+    def mass_matrix(self, q: ArrayLike, *, out: _Floats | None = None) -> _Floats:
+        """Mass matrix M, shape (nv, nv) or (B, nv, nv); kg m², kg m, kg.
+
+        Raises:
+            StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
+        """
     def jacobian(
         self,
         q: ArrayLike,
@@ -165,14 +392,28 @@ class Chain:
         *,
         full: bool = False,
         out: _Floats | None = None,
-    ) -> _Floats: ...
-    def pose(self, q: ArrayLike, frame: str, *, out: _Floats | None = None) -> _Floats: ...
+    ) -> _Floats:
+        """Jacobian of the velocity of a point, shape (3, nv) or (B, 3, nv), world axes. With full=True the geometric Jacobian of
+        the frame's origin, shape (6, nv): angular rows first, then the linear ones.
+
+        Args:
+            frame: name of the link.
+            point: the point in the axes of the frame, from its origin, m.
+        """
+    def pose(self, q: ArrayLike, frame: str, *, out: _Floats | None = None) -> _Floats:
+        """Pose of a frame in the world, shape (4, 4) or (B, 4, 4): rotation and position (m) as a homogeneous matrix."""
     def position(
         self, q: ArrayLike, frame: str, point: ArrayLike | None = None, *, out: _Floats | None = None
-    ) -> _Floats: ...
+    ) -> _Floats:
+        """Position of a point in the world, shape (3,) or (B, 3), m."""
     def bias(
         self, q: ArrayLike, qd: ArrayLike, *, gravity: ArrayLike | None = None, out: _Floats | None = None
-    ) -> _Floats: ...
+    ) -> _Floats:
+        """Bias force C q̇ + g, shape (nv,) or (B, nv), N m and N.
+
+        Args:
+            gravity: acceleration of free fall, world axes, m/s²; zero by default.
+        """
     def inverse_dynamics(
         self,
         q: ArrayLike,
@@ -181,7 +422,13 @@ class Chain:
         *,
         gravity: ArrayLike | None = None,
         out: _Floats | None = None,
-    ) -> _Floats: ...
+    ) -> _Floats:
+        """Inverse dynamics tau = M q̈ + C q̇ + g by the recursive Newton–Euler algorithm, shape (nv,) or (B, nv), N m and N.
+
+        Args:
+            qdd: joint accelerations, shape of qd.
+            gravity: acceleration of free fall, world axes, m/s²; zero by default.
+        """
     def forward_dynamics(
         self,
         q: ArrayLike,
@@ -190,38 +437,231 @@ class Chain:
         *,
         gravity: ArrayLike | None = None,
         out: _Floats | None = None,
-    ) -> _Floats: ...
+    ) -> _Floats:
+        """Forward dynamics q̈ = M⁻¹ (tau − C q̇ − g), shape (nv,) or (B, nv). Damping and friction of the joints are not included.
+
+        Args:
+            tau: joint forces, shape of qd, N m and N; zero by default.
+            gravity: acceleration of free fall, world axes, m/s²; zero by default.
+
+        Raises:
+            ChainError: a singular mass matrix, massless links.
+        """
     def delassus(
         self, q: ArrayLike, frame: str, point: ArrayLike | None = None, *, out: _Floats | None = None
-    ) -> _Floats: ...
+    ) -> _Floats:
+        """Delassus matrix H = J M⁻¹ Jᵀ of a point (inverse inertia at a contact), shape (3, 3) or (B, 3, 3), world axes, 1/kg.
+
+        Raises:
+            ChainError: a singular mass matrix, massless links, a point of a link that is fixed to the world.
+        """
+    @overload
     def effective_mass(
         self,
-        q: ArrayLike,
+        q: _State,
+        frame: str,
+        normal: ArrayLike,
+        point: ArrayLike | None = None,
+        *,
+        out: None = None,
+    ) -> float:
+        """Effective mass 1/(nᵀHn) of a point along a direction, a number or shape (B,), kg. inf if no joint moves the point along
+        the direction.
+
+        Args:
+            normal: the direction, world axes, of any length but zero.
+        """
+    @overload
+    def effective_mass(
+        self,
+        q: _Batch,
         frame: str,
         normal: ArrayLike,
         point: ArrayLike | None = None,
         *,
         out: _Floats | None = None,
-    ) -> float | _Floats: ...
+    ) -> _Vector: ...
+    @overload
     def energies(
-        self, q: ArrayLike, qd: ArrayLike, *, gravity: ArrayLike | None = None
-    ) -> tuple[float, float] | tuple[_Floats, _Floats]: ...
+        self,
+        q: _State,
+        qd: _State,
+        *,
+        gravity: ArrayLike | None = None,
+    ) -> Energies[float]:
+        """Kinetic and potential energy, a named pair (`Energies`) of numbers or of arrays (B,), J. The potential energy is zero at the
+        world's origin.
+
+        Args:
+            gravity: acceleration of free fall, world axes, m/s²; zero by default.
+        """
+    @overload
+    def energies(
+        self,
+        q: _Batch,
+        qd: ArrayLike,
+        *,
+        gravity: ArrayLike | None = None,
+    ) -> Energies[_Vector]: ...
+    @overload
+    def energies(
+        self,
+        q: _State,
+        qd: _Batch,
+        *,
+        gravity: ArrayLike | None = None,
+    ) -> Energies[_Vector]: ...
+    @overload
     def impact(
         self,
-        q: ArrayLike,
-        qd: ArrayLike,
+        q: _State,
+        qd: _State,
         frame: str,
-        normal: ArrayLike,
-        law: _AnyLaw | Sequence[_AnyLaw],
+        normal: _State,
+        law: _AnyLaw,
         *,
-        point: ArrayLike | None = None,
-        joints: Literal["free", "locked"] | Sequence[str] | Mapping[str, Any] | None = None,
+        point: _State | None = None,
+        restitution: float | None = None,
+        friction: float | None = None,
+        joints: _Joints | None = None,
         derivatives: bool = False,
         saltation: bool = False,
         gravity: ArrayLike | None = None,
-        band: tuple[tuple[float, float], tuple[float, float]] | None = None,
-    ) -> Any:
-        """An Impact for one state, Impacts for a batch; a list of them for a list of laws."""
+        band: _Band | None = None,
+    ) -> Impact:
+        """The impact of one point of the robot.
+
+        Args:
+            q, qd: state before the impact, shapes (nq,) and (nv,), or a batch (B, nq) and (B, nv).
+            frame: name of the link that is hit.
+            point: contact point in the axes of the frame, from its origin, m; the origin by default. Shape (3,), or (B, 3) with a
+                point for each state.
+            normal: contact normal in world axes, from the environment to the robot, of any length but zero. Shape (3,), or (B, 3)
+                with a normal for each state.
+            law: an impact law like carom.Energetic(0.5, 0.2), a function of H and u, or a list of them.
+            restitution, friction: instead of the coefficients of the law, numbers or shape (B,); not for a function.
+            joints: "free", "locked", a list of names of locked joints, or a dict of stiffness, damping (numbers or shape (nv,))
+                and contact_time (s) of drives that act during the impact.
+            derivatives: also computes the derivatives of qd_plus by q, qd, restitution and friction.
+            saltation: also computes the saltation matrix for an impact with a plane at rest.
+            gravity: acceleration of free fall for the saltation matrix, world axes, m/s²; zero by default.
+            band: ((e_low, e_high), (mu_low, mu_high)): also computes bounds over these ranges of the coefficients.
+
+        Returns:
+            An Impact for one state, Impacts if q, qd, point, normal or a coefficient is a batch; a list of them for a list of laws. saltation and band need one state.
+
+        Raises:
+            StateError: a wrong shape, or numbers that are not finite.
+            ImpactError: a fixed point, a singular direction, a law without a solution; derivatives of a law in Python.
+        """
+    @overload
+    def impact(
+        self,
+        q: _Batch,
+        qd: ArrayLike,
+        frame: str,
+        normal: ArrayLike,
+        law: _AnyLaw,
+        *,
+        point: ArrayLike | None = None,
+        restitution: ArrayLike | None = None,
+        friction: ArrayLike | None = None,
+        joints: _Joints | None = None,
+        derivatives: bool = False,
+    ) -> Impacts: ...
+    @overload
+    def impact(
+        self,
+        q: _State,
+        qd: _Batch,
+        frame: str,
+        normal: ArrayLike,
+        law: _AnyLaw,
+        *,
+        point: ArrayLike | None = None,
+        restitution: ArrayLike | None = None,
+        friction: ArrayLike | None = None,
+        joints: _Joints | None = None,
+        derivatives: bool = False,
+    ) -> Impacts: ...
+    @overload
+    def impact(
+        self,
+        q: _State,
+        qd: _State,
+        frame: str,
+        normal: _Batch,
+        law: _AnyLaw,
+        *,
+        point: ArrayLike | None = None,
+        restitution: ArrayLike | None = None,
+        friction: ArrayLike | None = None,
+        joints: _Joints | None = None,
+        derivatives: bool = False,
+    ) -> Impacts: ...
+    @overload
+    def impact(
+        self,
+        q: _State,
+        qd: _State,
+        frame: str,
+        normal: _State,
+        law: Sequence[_AnyLaw],
+        *,
+        point: _State | None = None,
+        restitution: float | None = None,
+        friction: float | None = None,
+        joints: _Joints | None = None,
+        derivatives: bool = False,
+        saltation: bool = False,
+        gravity: ArrayLike | None = None,
+        band: _Band | None = None,
+    ) -> list[Impact]: ...
+    @overload
+    def impact(
+        self,
+        q: _Batch,
+        qd: ArrayLike,
+        frame: str,
+        normal: ArrayLike,
+        law: Sequence[_AnyLaw],
+        *,
+        point: ArrayLike | None = None,
+        restitution: ArrayLike | None = None,
+        friction: ArrayLike | None = None,
+        joints: _Joints | None = None,
+        derivatives: bool = False,
+    ) -> list[Impacts]: ...
+    @overload
+    def impact(
+        self,
+        q: _State,
+        qd: _Batch,
+        frame: str,
+        normal: ArrayLike,
+        law: Sequence[_AnyLaw],
+        *,
+        point: ArrayLike | None = None,
+        restitution: ArrayLike | None = None,
+        friction: ArrayLike | None = None,
+        joints: _Joints | None = None,
+        derivatives: bool = False,
+    ) -> list[Impacts]: ...
+    @overload
+    def impact(
+        self,
+        q: _State,
+        qd: _State,
+        frame: str,
+        normal: _Batch,
+        law: Sequence[_AnyLaw],
+        *,
+        point: ArrayLike | None = None,
+        restitution: ArrayLike | None = None,
+        friction: ArrayLike | None = None,
+        joints: _Joints | None = None,
+        derivatives: bool = False,
+    ) -> list[Impacts]: ...
     def impact_at_points(
         self,
         q: ArrayLike,
@@ -233,305 +673,831 @@ class Chain:
         friction: float = 0.0,
         law: Literal["moreau", "poisson", "sequential", "energetic"] = "moreau",
         sticks: bool = False,
-        joints: Literal["free", "locked"] | Sequence[str] | Mapping[str, Any] | None = None,
+        joints: _Joints | None = None,
         relative_stiffness: Sequence[float] | None = None,
         exponent: float = 1.5,
     ) -> SeveralImpact:
-        """The impact of several points at the same moment, as one problem."""
+        """The impact of several points of the robot at the same moment, as one problem: a toe line, a face, two feet.
+
+        Args:
+            q, qd: state before the impact, shapes (nq,) and (nv,).
+            points: a list of (frame, point): name of the link, and the point in its axes from its origin, m.
+            normal: contact normal in world axes, from the environment to the robot, of any length but zero; one for all points, or
+                shape (K, 3).
+            restitution, friction: coefficients of every point.
+            law: "moreau" (restitution of velocities, at all points at once), "poisson" (restitution of impulses), "sequential"
+                (one point after another, always the fastest) or "energetic" (impulses in the ratios that stiffnesses and stored
+                energies give, without friction).
+            sticks: every point stops and neither slips nor leaves, whatever impulse that takes; restitution and friction are not
+                used.
+            joints: as for impact.
+            relative_stiffness: under "energetic" the stiffnesses of the points relative to one another, shape (K,); None: all equal.
+            exponent: under "energetic" that of the normal force over the penetration: 1 for flat contacts, 1.5 for round bodies.
+
+        Returns:
+            A SeveralImpact.
+
+        Raises:
+            StateError: a wrong shape, or numbers that are not finite.
+            ImpactError: no points, a fixed point, a singular direction, a coefficient out of its range; or no impulses were found that
+                satisfy the law, not even without restitution.
+        """
 
 class SeveralImpact:
+    """The result of an impact at several points."""
+    def __new__(cls, _: Never, /) -> Self: ...
+    """The result of an impact at several points."""
     @property
-    def qd_plus(self) -> _Floats: ...
+    def qd_plus(self) -> _Vector:
+        """Joint velocities after the impact, shape (nv,); rad/s, m/s."""
     @property
-    def impulses(self) -> _Floats: ...
+    def impulses(self) -> _Matrix:
+        """Impulses on the robot, shape (K, 3) for K points, world axes, N s. Where points are redundant (three on one body), other
+        impulses with the same effect on the motion are possible.
+        """
     @property
-    def u_minus(self) -> _Floats: ...
+    def u_minus(self) -> _Matrix:
+        """Velocities of the points before the impact, shape (K, 3), world axes, m/s."""
     @property
-    def u_plus(self) -> _Floats: ...
+    def u_plus(self) -> _Matrix:
+        """Velocities of the points after the impact, shape (K, 3), world axes, m/s."""
     @property
-    def energy_before(self) -> float: ...
+    def energy_before(self) -> float:
+        """Kinetic energy of the robot before the impact, J."""
     @property
-    def energy_after(self) -> float: ...
+    def energy_after(self) -> float:
+        """Kinetic energy of the robot after the impact, J."""
     @property
-    def residual(self) -> float: ...
+    def residual(self) -> float:
+        """Violation of the law, relative to the largest velocity of a point, at most 1e-9."""
     @property
-    def flags(self) -> list[str]: ...
+    def flags(self) -> list[str]:
+        """Notes about the result, as for Impact; and "without-restitution": no impulses satisfy the law with the coefficients of
+        restitution given, and the result is that with all of them zero, as in scenes.
+        """
 
 class Impact:
+    """An impact of a chain at one state."""
+    def __new__(cls, _: Never, /) -> Self: ...
+    """An impact of a chain at one state."""
+    def plot(self, axes: Any = None) -> Any:
+        """Draws the velocities of the contact point before and after, and the impulse, by world axes, with matplotlib.
+
+        Args:
+            axes: two Axes to draw into; new ones by default.
+
+        Returns:
+            The Axes.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
     @property
-    def qd_plus(self) -> _Floats: ...
+    def qd_plus(self) -> _Vector:
+        """Joint velocities after the impact, shape (nv,); rad/s, m/s."""
     @property
-    def impulse(self) -> _Floats: ...
+    def impulse(self) -> _Vector:
+        """Impulse on the robot, shape (3,), world axes, N s."""
     @property
-    def u_minus(self) -> _Floats: ...
+    def u_minus(self) -> _Vector:
+        """Velocity of the contact point before the impact, shape (3,), world axes, m/s."""
     @property
-    def u_plus(self) -> _Floats: ...
+    def u_plus(self) -> _Vector:
+        """Velocity of the contact point after the impact, shape (3,), world axes, m/s."""
     @property
-    def energy_before(self) -> float: ...
+    def energy_before(self) -> float:
+        """Kinetic energy of the robot before the impact, J."""
     @property
-    def energy_after(self) -> float: ...
+    def energy_after(self) -> float:
+        """Kinetic energy of the robot after the impact, J."""
     @property
-    def energy_ratio(self) -> float: ...
+    def energy_ratio(self) -> float:
+        """T⁺/T⁻ of the robot; 1 at rest."""
     @property
-    def mode(self) -> _Mode: ...
+    def mode(self) -> _Mode:
+        """Contact mode at the end of the impact: "open", "stick", "slip" or "reverse-slip"."""
     @property
-    def law(self) -> str: ...
+    def law(self) -> str:
+        """Name of the law."""
     @property
-    def flags(self) -> list[str]: ...
+    def flags(self) -> list[str]:
+        """Names of the flags that are set, of "energy-gain", "jam", "singular", "grazing", "non-unique", "no-approach"."""
     @property
-    def normal_work(self) -> float: ...
+    def normal_work(self) -> float:
+        """Work of the normal impulse, J."""
     @property
-    def friction_work(self) -> float: ...
+    def friction_work(self) -> float:
+        """Work of the tangential impulse, J."""
     @property
-    def drive_impulse(self) -> _Floats: ...
+    def drive_impulse(self) -> _Vector:
+        """Impulse of the drives on each joint, shape (nv,), N m s or N s; zeros with free joints."""
     @property
-    def drive_work(self) -> float: ...
+    def drive_work(self) -> float:
+        """Work of the drives, J."""
     @property
-    def derivatives(self) -> dict[str, _Floats] | None: ...
+    def derivatives(self) -> dict[str, _Floats] | None:
+        """With derivatives=True a dict of the derivatives of qd_plus: "q" and "qd" of shape (nv, nv), "restitution" and "friction"
+        of shape (nv,). Column k of "q" is the derivative along the motion with unit qd[k]. Else None.
+        """
     @property
-    def band(self) -> dict[str, Any] | None: ...
+    def band(self) -> dict[str, Any] | None:
+        """With band=… a dict of bounds over the ranges of the coefficients: "qd_plus" of shape (nv, 2), "u_plus" and "impulse" of
+        shape (3, 2), "exact" (False: sampled, possibly too narrow) and "evaluations". Else None.
+        """
     @property
-    def saltation(self) -> dict[str, Any] | None: ...
+    def saltation(self) -> dict[str, Any] | None:
+        """With saltation=True a dict: "matrix" of shape (2nv, 2nv), which maps small changes of (q, qd) before the impact to those
+        after it; "closing", the rate of the gap before, m/s; "time", the derivative of the time of the impact, shape (2nv,).
+        Else None.
+        """
 
 class Impacts:
+    """Impacts of a batch of B states.
+
+    `impacts[k]` is the Impact of state k; a slice, an array of numbers or one of B booleans gives the Impacts of these states.
+    """
+    def __new__(cls, _: Never, /) -> Self: ...
+    """Impacts of a batch of B states.
+
+    `impacts[k]` is the Impact of state k; a slice, an array of numbers or one of B booleans gives the Impacts of these states.
+    """
+    @property
+    def law(self) -> str:
+        """Name of the law."""
+    @property
+    def flag_bits(self) -> NDArray[np.uint8]:
+        """The flags as an array of uint8 of shape (B,), with bits as in carom.Flags; 0 for an ordinary impact."""
+    @property
+    def energy_ratio(self) -> _Vector:
+        """T⁺/T⁻ of the robot, shape (B,); 1 at rest."""
     def __len__(self) -> int: ...
+    @overload
+    def __getitem__(self, index: int | np.integer[Any]) -> Impact: ...
+    @overload
+    def __getitem__(
+        self, index: slice | Sequence[int] | Sequence[bool] | NDArray[np.integer[Any]] | NDArray[np.bool_]
+    ) -> Impacts: ...
+    def __iter__(self) -> Iterator[Impact]: ...
     @property
-    def qd_plus(self) -> _Floats: ...
+    def qd_plus(self) -> _Matrix:
+        """Joint velocities after the impacts, shape (B, nv); rad/s, m/s."""
     @property
-    def impulse(self) -> _Floats: ...
+    def impulse(self) -> _Matrix:
+        """Impulses on the robot, shape (B, 3), world axes, N s."""
     @property
-    def u_minus(self) -> _Floats: ...
+    def u_minus(self) -> _Matrix:
+        """Velocities of the contact point before, shape (B, 3), world axes, m/s."""
     @property
-    def u_plus(self) -> _Floats: ...
+    def u_plus(self) -> _Matrix:
+        """Velocities of the contact point after, shape (B, 3), world axes, m/s."""
     @property
-    def energy_before(self) -> _Floats: ...
+    def energy_before(self) -> _Vector:
+        """Kinetic energies of the robot before, shape (B,), J."""
     @property
-    def energy_after(self) -> _Floats: ...
+    def energy_after(self) -> _Vector:
+        """Kinetic energies of the robot after, shape (B,), J."""
     @property
-    def normal_work(self) -> _Floats: ...
+    def normal_work(self) -> _Vector:
+        """Works of the normal impulses, shape (B,), J."""
     @property
-    def friction_work(self) -> _Floats: ...
+    def friction_work(self) -> _Vector:
+        """Works of the tangential impulses, shape (B,), J."""
     @property
-    def drive_work(self) -> _Floats: ...
+    def drive_work(self) -> _Vector:
+        """Works of the drives, shape (B,), J."""
     @property
-    def drive_impulse(self) -> _Floats: ...
+    def drive_impulse(self) -> _Matrix:
+        """Impulses of the drives on each joint, shape (B, nv), N m s or N s."""
     @property
-    def mode(self) -> NDArray[np.str_]: ...
+    def mode(self) -> NDArray[np.str_]:
+        """Contact modes at the end of the impacts, an array of texts of shape (B,): "open", "stick", "slip", "reverse-slip"."""
     @property
-    def flags(self) -> NDArray[np.uint8]: ...
-    def flagged(self, name: str) -> NDArray[np.bool_]: ...
+    def flags(self) -> list[list[str]]:
+        """The names of the flags that are set at each state, a list of B lists of texts, as `Impact.flags`."""
+    def flagged(
+        self, name: Literal["energy-gain", "jam", "singular", "grazing", "non-unique", "no-approach"]
+    ) -> NDArray[np.bool_]:
+        """The states at which a flag is set, an array of booleans of shape (B,).
+
+        Args:
+            name: "energy-gain", "jam", "singular", "grazing", "non-unique" or "no-approach".
+        """
     @property
-    def derivatives(self) -> dict[str, _Floats] | None: ...
+    def derivatives(self) -> dict[str, _Floats] | None:
+        """With derivatives=True a dict of the derivatives of qd_plus: "q" and "qd" of shape (B, nv, nv), "restitution" and
+        "friction" of shape (B, nv). Else None.
+        """
 
 class Outcome:
+    """The outcome of a law on plain numbers, in contact axes: tangents first, normal last."""
+    def __new__(cls, _: Never, /) -> Self: ...
+    """The outcome of a law on plain numbers, in contact axes: tangents first, normal last."""
     @property
-    def law(self) -> str: ...
+    def law(self) -> str:
+        """Name of the law."""
     @property
-    def impulse(self) -> _Floats: ...
+    def impulse(self) -> _Floats:
+        """Impulse on the robot, shape of u, N s."""
     @property
-    def u_minus(self) -> _Floats: ...
+    def u_minus(self) -> _Floats:
+        """Contact velocity before, m/s."""
     @property
-    def u_plus(self) -> _Floats: ...
+    def u_plus(self) -> _Floats:
+        """Contact velocity after, m/s."""
     @property
-    def mode(self) -> _Mode: ...
+    def mode(self) -> _Mode:
+        """Contact mode at the end: "open", "stick", "slip" or "reverse-slip"."""
     @property
-    def flags(self) -> list[str]: ...
+    def flags(self) -> list[str]:
+        """Names of the flags that are set."""
     @property
-    def energy_before(self) -> float: ...
+    def energy_before(self) -> float:
+        """Kinetic energy in contact space before, ½ uᵀ H⁻¹ u, J."""
     @property
-    def energy_after(self) -> float: ...
+    def energy_after(self) -> float:
+        """Kinetic energy in contact space after, J."""
     @property
-    def energy_ratio(self) -> float: ...
+    def energy_ratio(self) -> float:
+        """T⁺/T⁻ in contact space; 1 at rest."""
     @property
-    def normal_work(self) -> float: ...
+    def normal_work(self) -> float:
+        """Work of the normal impulse, J."""
     @property
-    def friction_work(self) -> float: ...
+    def friction_work(self) -> float:
+        """Work of the tangential impulse, J."""
     @property
-    def coefficients(self) -> dict[str, float | None]: ...
+    def coefficients(self) -> dict[str, float | None]:
+        """The realised coefficients of restitution: a dict of "newton", "poisson", "energetic"; None where not defined."""
+
+class Diagram(dict[str, Any]):
+    """A diagram of one impact, the dict of ``carom.diagram``, with its picture in notebooks."""
+    def plot(self, axes: Any = None) -> Any:
+        """Draws the diagram with matplotlib.
+
+        Args:
+            axes: the Axes to draw into; new ones by default.
+
+        Returns:
+            The Axes.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
 
 class Table:
+    """A table of named columns.
+
+    `table["name"]` is a column as an array; `numpy`, `to_pandas` and `to_polars` convert the whole table, as does any library that
+    reads `__arrow_c_stream__` (pyarrow.table(table), duckdb, …).
+    """
+    def __new__(cls, _: Never, /) -> Self: ...
+    """A table of named columns.
+
+    `table["name"]` is a column as an array; `numpy`, `to_pandas` and `to_polars` convert the whole table, as does any library that
+    reads `__arrow_c_stream__` (pyarrow.table(table), duckdb, …).
+    """
     @property
-    def columns(self) -> list[str]: ...
+    def columns(self) -> list[str]:
+        """Names of the columns."""
     def __len__(self) -> int: ...
     def __contains__(self, name: str) -> bool: ...
     def __getitem__(self, name: str) -> NDArray[Any]: ...
-    def numpy(self) -> dict[str, NDArray[Any]]: ...
-    def to_pandas(self) -> Any: ...
-    def to_polars(self) -> Any: ...
-    def write(self, path: _Path) -> None: ...
+    def numpy(self) -> dict[str, NDArray[Any]]:
+        """All columns: a dict from names to arrays."""
+    def to_pandas(self) -> Any:
+        """A pandas.DataFrame; needs pandas."""
+    def to_polars(self) -> Any:
+        """A polars.DataFrame; needs polars."""
+    def plot(self, y: str, x: str | None = None, axes: Any = None) -> Any:
+        """Draws a column over another one with matplotlib.
+
+        Args:
+            y: name of the column.
+            x: name of the other one; the first column by default.
+            axes: the Axes to draw into; new ones by default.
+
+        Returns:
+            The Axes.
+
+        Raises:
+            KeyError: no column has the name.
+            ImportError: matplotlib is not installed.
+        """
+    def write(self, path: _Path) -> None:
+        """Writes the table as CSV or Parquet, by the ending of the name. A Parquet file has units, carom's version and the text of the
+        scene or study in its metadata.
+
+        Raises:
+            StudyError: the file cannot be written, or its name has another ending.
+        """
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> CapsuleType: ...
 
 class Scene:
+    """A scene: a robot, the surfaces around it, contact laws and run settings. Immutable.
+
+    Make one with `Scene.from_file`, `Scene.from_toml` or `Scene.from_dict`; the page "Scene keys" of the manual lists the keys.
+    """
+    @property
+    def folder(self) -> str:
+        """The folder to which names of files in the keys are relative."""
+    """A scene: a robot, the surfaces around it, contact laws and run settings. Immutable.
+
+    Make one with `Scene.from_file`, `Scene.from_toml` or `Scene.from_dict`; the page "Scene keys" of the manual lists the keys.
+    """
+    def __new__(cls, _: Never, /) -> Self: ...
+    """A scene: a robot, the surfaces around it, contact laws and run settings. Immutable.
+
+    Make one with `Scene.from_file`, `Scene.from_toml` or `Scene.from_dict`; the page "Scene keys" of the manual lists the keys.
+    """
     @staticmethod
-    def from_file(path: _Path) -> Scene: ...
+    def from_file(path: _Path) -> Scene:
+        """Reads a scene file (TOML), its robot and its meshes.
+
+        Raises:
+            SimulationError: a key or a value that breaks a rule; the message names file, key, value and rule.
+            UrdfError, StateError: an invalid robot or start.
+        """
     @staticmethod
-    def from_toml(text: str, folder: _Path = ".") -> Scene: ...
+    def from_toml(text: str, folder: _Path = ".") -> Scene:
+        """Reads a scene from the text of a scene file; file names in it are relative to `folder`. Errors as `from_file`."""
     @staticmethod
-    def from_dict(keys: Mapping[str, Any], folder: _Path = ".") -> Scene: ...
+    def from_dict(keys: Mapping[str, Any], folder: _Path = ".") -> Scene:
+        """Reads a scene from a dict with the keys of a scene file; file names in it are relative to `folder`. Errors as `from_file`."""
     @property
-    def chain(self) -> Chain: ...
+    def chain(self) -> Chain:
+        """The robot."""
     @property
-    def q(self) -> _Floats: ...
+    def q(self) -> _Vector:
+        """Configuration at the start, shape (nq,)."""
     @property
-    def qd(self) -> _Floats: ...
+    def qd(self) -> _Vector:
+        """Joint velocities at the start, shape (nv,)."""
     @property
-    def duration(self) -> float: ...
+    def duration(self) -> float:
+        """Duration of a run, s."""
     @property
-    def surfaces(self) -> list[str]: ...
+    def surfaces(self) -> list[str]:
+        """Names of the surfaces."""
     @property
-    def contacts(self) -> list[str]: ...
+    def contacts(self) -> list[str]:
+        """Names of the possible contacts."""
     @property
-    def warnings(self) -> list[str]: ...
-    def with_start(self, q: ArrayLike | None = None, qd: ArrayLike | None = None) -> Scene: ...
-    def with_duration(self, duration: float) -> Scene: ...
-    def with_law(self, law: _AnyLaw, *, link: str | None = None, surface: str | None = None) -> Scene: ...
+    def warnings(self) -> list[str]:
+        """Warnings, one sentence each."""
+    def to_dict(self) -> dict[str, Any]:
+        """The keys of the scene, for `from_dict`; names of files in them are relative to `folder`, so that
+        `Scene.from_dict(scene.to_dict(), folder=scene.folder)` is this scene.
+
+        Raises:
+            ValueError: a law or a controller was given after reading, or another start to a scene of several robots or with segments:
+                no keys say it.
+        """
+    def with_start(self, q: ArrayLike | None = None, qd: ArrayLike | None = None) -> Scene:
+        """The same scene from another start.
+
+        Args:
+            q, qd: shapes (nq,) and (nv,); what is not given is kept.
+        """
+    def with_duration(self, duration: float) -> Scene:
+        """The same scene with another duration, s."""
+    def with_law(self, law: _AnyLaw, *, link: str | None = None, surface: str | None = None) -> Scene:
+        """The same scene with another impact law at its contacts with surfaces and between links.
+
+        Args:
+            law: a law like carom.Energetic(0.5, 0.2), or carom.PythonLaw(function, restitution, friction).
+            link: only at contacts of this link.
+            surface: only at contacts with this surface or second link.
+
+        Raises:
+            ValueError: no contact of the scene is meant.
+        """
     def with_controller(
         self, function: Callable[[float, _Floats, _Floats], ArrayLike], *, rate: float | None = None
-    ) -> Scene: ...
-    def plan(self) -> dict[str, Any]: ...
-    def simulate(self, *, sample: float | None = None) -> Run: ...
-    def sensitivity(self, parameters: Sequence[str] | None = None) -> Sensitivity: ...
-    def session(self) -> Session: ...
+    ) -> Scene:
+        """The same scene with motors that a function in Python drives, instead of the controllers of the scene.
+
+        Args:
+            function: called as `function(time, q, qd)` with the time in s and arrays of shapes (nq,) and (nv,) of the whole chain
+                (`scene.chain`); returns the joint forces, shape (nv,), N m and N. The entries of floating and planar joints are
+                not used: no motor drives them.
+            rate: calls per second, from the start on; the forces are constant between the calls. None: the forces are a
+                continuous function of time and state. The integrator then calls the function some hundred to some thousand times
+                for each simulated second, also at states that it tries and rejects, so the function must not remember earlier
+                calls. A call costs some microseconds and holds the GIL.
+
+        Raises:
+            TypeError: function cannot be called.
+            ValueError: a rate that is not positive.
+        """
+    def plan(self) -> dict[str, Any]:
+        """What a run models and what it leaves out: a dict of "joints", "kept" and "left_out" (dicts of what, choice, why) and
+        "bounded" (dicts of what, choice, bound, of).
+
+        Raises:
+            SimulationError, ChainError: an invalid mesh, a singular mass matrix at the start.
+        """
+    def simulate(self, *, sample: float | None = None) -> Run:
+        """Simulates the scene from event to event. The GIL is released, except while a function in Python is called.
+
+        Args:
+            sample: time between samples, s; by default that of the scene, or 0.004 s.
+
+        Raises:
+            SimulationError: an overlap at the start, a motion that cannot be continued. Exceptions of a law or a controller in
+                Python are passed on as they are.
+        """
+    def sensitivity(self, parameters: Sequence[str] | None = None) -> Sensitivity:
+        """The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters. Exact to
+        about 1e-8 of their size. The GIL is released, except while a law in Python is called.
+
+        Args:
+            parameters: names of parameters, [] for none; by default all: "restitution" and "friction" of all contacts together, and
+                "kp elbow", "kd elbow", "target elbow" or "torque elbow" of each joint under PD control or constant forces.
+
+        Raises:
+            ValueError: a name that is no parameter of the scene.
+            SimulationError: as `simulate`. A run that is not differentiable is no error: see `Sensitivity.broken`.
+        """
+    def session(self) -> Session:
+        """Starts a Session: a simulation that a loop of one's own advances.
+
+        Raises:
+            SimulationError: an overlap at the start.
+            ValueError: the scene has a controller with a rate.
+        """
 
 class Session:
-    @property
-    def chain(self) -> Chain: ...
-    @property
-    def time(self) -> float: ...
-    @property
-    def q(self) -> _Floats: ...
-    @property
-    def qd(self) -> _Floats: ...
-    @property
-    def mode(self) -> str: ...
-    @property
-    def contacts(self) -> Table: ...
-    @property
-    def energy(self) -> dict[str, float]: ...
-    def set_forces(self, forces: ArrayLike) -> None: ...
-    def advance(self, duration: float) -> list[Event]: ...
-    def advance_to_event(self, longest: float) -> list[Event]: ...
-    def save(self) -> SessionState: ...
-    def restore(self, state: SessionState) -> None: ...
-    def restart(self, q: ArrayLike, qd: ArrayLike) -> None: ...
+    """A simulation that a loop advances: read state and contacts, set joint forces, advance. Made by `Scene.session`.
 
-class SessionState: ...
+    q and qd have the coordinates of `session.chain`, the reduced chain of the scene's plan. One thread at a time may use a session.
+    """
+    def __new__(cls, _: Never, /) -> Self: ...
+    """A simulation that a loop advances: read state and contacts, set joint forces, advance. Made by `Scene.session`.
+
+    q and qd have the coordinates of `session.chain`, the reduced chain of the scene's plan. One thread at a time may use a session.
+    """
+    @property
+    def chain(self) -> Chain:
+        """The simulated robot."""
+    @property
+    def time(self) -> float:
+        """Time, s."""
+    @property
+    def q(self) -> _Vector:
+        """Configuration, shape (nq,); rad, m, quaternion."""
+    @property
+    def qd(self) -> _Vector:
+        """Joint velocities, shape (nv,); rad/s, m/s."""
+    @property
+    def mode(self) -> str:
+        """The contact mode: "free", "sliding", "sticking", "latched", "pressing" or "stepping"."""
+    @property
+    def contacts(self) -> Table:
+        """The lasting contacts, with their forces under the present joint forces; a Table with the columns of `Run.contacts`."""
+    @property
+    def energy(self) -> dict[str, float]:
+        """Energy balance since the start; the dict of `Run.energy`."""
+    def set_forces(self, forces: ArrayLike) -> None:
+        """Sets constant joint forces instead of the controller, from now on.
+
+        Args:
+            forces: shape (nv,), N m and N. The entries of a floating or planar joint are forces and torques on it.
+
+        Raises:
+            StateError: a wrong shape, numbers that are not finite.
+        """
+    def advance(self, duration: float) -> list[Event]:
+        """Advances by a duration (s); returns the events in it.
+
+        Raises:
+            SimulationError: a motion that cannot be continued, more events than max_events. The session then stays where it was.
+                Exceptions of a law or a controller in Python are passed on as they are.
+        """
+    def advance_to_event(self, longest: float) -> list[Event]:
+        """Advances to the next event, by `longest` seconds at most; returns the events of its time, an empty list if there is none.
+        Errors as `advance`.
+        """
+    def save(self) -> SessionState:
+        """The whole state, for `restore`: time, q, qd, the contacts and what they remember. The joint forces are not part of it."""
+    def restore(self, state: SessionState) -> None:
+        """Returns to a saved state of this session or of another one of the same scene.
+
+        Raises:
+            SimulationError: a state of another scene.
+        """
+    def restart(self, q: ArrayLike, qd: ArrayLike) -> None:
+        """Starts again from another state at the present time; contacts, energies and the count of events begin anew.
+
+        Args:
+            q, qd: shapes (nq,) and (nv,).
+
+        Raises:
+            StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
+            SimulationError: an overlap.
+        """
+
+class SessionState:
+    """A saved state of a Session, for `Session.restore`."""
+    def __new__(cls, _: Never, /) -> Self: ...
+    """A saved state of a Session, for `Session.restore`."""
 
 class Run:
+    """A run of a scene.
+
+    q and qd have the coordinates of `run.chain`, all joints of the scene.
+    """
+    def __new__(cls, _: Never, /) -> Self: ...
+    """A run of a scene.
+
+    q and qd have the coordinates of `run.chain`, all joints of the scene.
+    """
+    def plot(self, axes: Any = None) -> Any:
+        """Draws q and qd over time, with a line at each impact, with matplotlib.
+
+        Args:
+            axes: two Axes to draw into; new ones by default.
+
+        Returns:
+            The Axes.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+        """
     @property
-    def chain(self) -> Chain: ...
+    def chain(self) -> Chain:
+        """The simulated robot."""
     @property
-    def time(self) -> _Floats: ...
+    def time(self) -> _Vector:
+        """Times of the samples, shape (S,), s. At the time of an event the sample is the state before it."""
     @property
-    def q(self) -> _Floats: ...
+    def q(self) -> _Matrix:
+        """Configurations at the samples, shape (S, nq); rad, m, quaternions."""
     @property
-    def qd(self) -> _Floats: ...
+    def qd(self) -> _Matrix:
+        """Joint velocities at the samples, shape (S, nv); rad/s, m/s."""
     @property
-    def events(self) -> list[Event]: ...
+    def events(self) -> list[Event]:
+        """The events in the order of time, a list of Event."""
     @property
-    def states(self) -> Table: ...
+    def states(self) -> Table:
+        """The samples as a Table: time, then q.<joint> and qd.<joint>; joints with several coordinates have numbered columns."""
     @property
-    def event_table(self) -> Table: ...
+    def event_table(self) -> Table:
+        """The events as a Table: time (s), kind, contact, mode of an impact, the impulse of all contacts px, py, pz (N s, world
+        axes), then q.<joint>, qd_minus.<joint>, qd_plus.<joint>.
+        """
     @property
-    def contacts(self) -> Table: ...
+    def contacts(self) -> Table:
+        """The lasting contacts at the samples as a Table: time (s), contact, mode, point x, y, z (m), unit normal nx, ny, nz from the
+        environment to the robot, gap (m; rad), force on the robot fx, fy, fz (N, world axes), normal_force (N; N m at a limit),
+        flags ("non-unique" where the motion depends on how forces are distributed, else "").
+        """
     @property
-    def stop_reason(self) -> Literal["duration", "events"]: ...
+    def stop_reason(self) -> Literal["duration", "events"]:
+        """Why the run has ended: "duration" or "events"."""
     @property
-    def mode(self) -> str: ...
+    def mode(self) -> str:
+        """Contact mode at the end."""
     @property
-    def last(self) -> tuple[float, _Floats, _Floats]: ...
+    def last(self) -> tuple[float, _Vector, _Vector]:
+        """The end: a tuple of the time (s), q (nq,) and qd (nv,)."""
     @property
-    def warnings(self) -> list[str]: ...
+    def warnings(self) -> list[str]:
+        """What to know of the results: an energy balance that does not close, impulses that do not satisfy their law. They are raised as
+        Python warnings, too.
+        """
     @property
-    def energy(self) -> dict[str, float]: ...
+    def energy(self) -> dict[str, float]:
+        """Energy balance, a dict in J: end = start + drive + resistance - lost_in_impacts + error."""
     @property
-    def statistics(self) -> dict[str, float]: ...
+    def statistics(self) -> dict[str, float]:
+        """Work of the solvers, a dict of numbers. `carom simulate --help` says what each means."""
 
 class Sensitivity:
+    """The derivatives of a whole run: of its final state and of the times of its events. `Scene.sensitivity` makes one.
+
+    The columns are the numbers of the start (a displacement of q, then qd) and the parameters, in the order of `names`.
+    """
+    def __new__(cls, _: Never, /) -> Self: ...
+    """The derivatives of a whole run: of its final state and of the times of its events. `Scene.sensitivity` makes one.
+
+    The columns are the numbers of the start (a displacement of q, then qd) and the parameters, in the order of `names`.
+    """
     @property
-    def names(self) -> list[str]: ...
+    def names(self) -> list[str]:
+        """Names of the columns: "q shoulder", "qd shoulder", "restitution", "kp elbow"; of a joint with several coordinates with a
+        number, "q base 3". The first 2 nv are also the names of the rows of `last_by`.
+        """
     @property
-    def last(self) -> tuple[float, _Floats, _Floats]: ...
+    def last(self) -> tuple[float, _Vector, _Vector]:
+        """Time (s), q and qd at the end, of the joints that the plan keeps."""
     @property
-    def last_by(self) -> _Floats | None: ...
+    def last_by(self) -> _Floats | None:
+        """Derivatives of the final displacement and velocity, shape (2 nv, columns); of a floating joint the displacement is along
+        and about the axes of its link. None if the derivatives end before.
+        """
     @property
-    def events(self) -> list[dict[str, Any]]: ...
+    def events(self) -> list[dict[str, Any]]:
+        """The events with derivatives: dicts of time (s), kinds (names) and time_by, shape (columns,)."""
     @property
-    def broken(self) -> dict[str, Any] | None: ...
+    def broken(self) -> dict[str, Any] | None:
+        """Where and why the derivatives end: a dict of time (s) and reason; None if they reach the end."""
 
 class Event:
+    """An event of a run."""
+    def __new__(cls, _: Never, /) -> Self: ...
+    """An event of a run."""
     @property
-    def time(self) -> float: ...
+    def time(self) -> float:
+        """Time, s."""
     @property
-    def kind(self) -> str: ...
+    def kind(self) -> str:
+        """"impact", "several", "latch", "limit", "zeno", "lift-off", "joint-stops", "joint-moves", "stepping", "non-unique", "rest",
+        or the new contact mode.
+        """
     @property
-    def contact(self) -> str | None: ...
+    def contact(self) -> str | None:
+        """Name of the contact or the joint, None if the event belongs to none or to several."""
     @property
-    def contacts(self) -> list[str]: ...
+    def contacts(self) -> list[str]:
+        """Names of the contacts of an event of the kind "several" or "non-unique"; else empty."""
     @property
-    def reason(self) -> str | None: ...
+    def reason(self) -> str | None:
+        """Why, for the kinds "stepping" and "non-unique"; else None."""
     @property
-    def flags(self) -> list[str]: ...
+    def flags(self) -> list[str]:
+        """Names of the flags of an event of the kind "several": "energy-gain", "non-unique"; else empty."""
     @property
-    def q(self) -> _Floats: ...
+    def q(self) -> _Vector:
+        """Configuration, shape (nq,)."""
     @property
-    def qd_minus(self) -> _Floats: ...
+    def qd_minus(self) -> _Vector:
+        """Joint velocities before, shape (nv,)."""
     @property
-    def qd_plus(self) -> _Floats: ...
+    def qd_plus(self) -> _Vector:
+        """Joint velocities after, shape (nv,)."""
     @property
-    def impact(self) -> Impact | None: ...
+    def impact(self) -> Impact | None:
+        """The Impact, for an event of the kind "impact"; else None."""
     @property
-    def impulses(self) -> list[tuple[str, _Floats, _Floats]]: ...
+    def impulses(self) -> list[tuple[str, _Floats, _Floats]]:
+        """The impulses on the robot: a list of tuples of the contact, the point (3,) in m and the impulse (3,) in N s, world axes."""
 
 class Study:
+    """A study: an impact map over poses, approach angles, speeds, coefficients and laws. Immutable.
+
+    Make one with `Study.from_file`, `Study.from_toml` or `Study.from_dict`; the page "Study keys" of the manual lists the keys, the
+    columns and the classes.
+    """
+    def __new__(cls, _: Never, /) -> Self: ...
+    """A study: an impact map over poses, approach angles, speeds, coefficients and laws. Immutable.
+
+    Make one with `Study.from_file`, `Study.from_toml` or `Study.from_dict`; the page "Study keys" of the manual lists the keys, the
+    columns and the classes.
+    """
     @staticmethod
-    def from_file(path: _Path) -> Study: ...
+    def from_file(path: _Path) -> Study:
+        """Reads a study file (TOML) and its robot.
+
+        Raises:
+            StudyError: a key or a value that breaks a rule; the message names file, key, value and rule.
+            UrdfError: an invalid robot.
+        """
     @staticmethod
-    def from_toml(text: str, folder: _Path = ".") -> Study: ...
+    def from_toml(text: str, folder: _Path = ".") -> Study:
+        """Reads a study from the text of a study file; file names in it are relative to `folder`. Errors as `from_file`."""
     @staticmethod
-    def from_dict(keys: Mapping[str, Any], folder: _Path = ".") -> Study: ...
+    def from_dict(keys: Mapping[str, Any], folder: _Path = ".") -> Study:
+        """Reads a study from a dict with the keys of a study file; file names in it are relative to `folder`. Errors as `from_file`."""
     def __len__(self) -> int: ...
     @property
-    def columns(self) -> list[str]: ...
+    def columns(self) -> list[str]:
+        """Names of the columns."""
     @property
-    def units(self) -> dict[str, str]: ...
+    def units(self) -> dict[str, str]:
+        """Units of the columns: a dict; empty texts for words and dimensionless numbers."""
     @property
-    def axes(self) -> list[tuple[str, int]]: ...
+    def axes(self) -> list[tuple[str, int]]:
+        """The axes that vary, in the order of the rows: a list of pairs of a name and the number of its values. The last axis varies
+        fastest.
+        """
     @property
-    def chain(self) -> Chain: ...
+    def chain(self) -> Chain:
+        """The robot."""
     @property
-    def warnings(self) -> list[str]: ...
-    def table(self, start: int = 0, stop: int | None = None) -> Table: ...
-    def write(self, path: _Path, *, resume: bool = False) -> None: ...
-    def svg(self, column: str) -> str: ...
-    def advise(self) -> dict[str, Any]: ...
+    def warnings(self) -> list[str]:
+        """Warnings, one sentence each."""
+    def table(self, start: int = 0, stop: int | None = None) -> Table:
+        """Computes the whole map, or the rows from `start` up to `stop`, as a Table in memory. Ctrl-C ends it."""
+    def write(self, path: _Path, *, resume: bool = False) -> None:
+        """Computes the map into a file in constant memory, as CSV or Parquet by the ending of the name. Ctrl-C or a full disk leaves
+        a partial file, from which resume=True continues.
+
+        Raises:
+            StudyError: the file cannot be written, another process writes it, or the partial file cannot be continued.
+        """
+    def svg(self, column: str) -> str:
+        """One column of the map as a picture, the text of an SVG."""
+    def advise(self) -> dict[str, Any]:
+        """The best rows under the conditions in [advise] of the study: a dict of "column", "goal", "fulfil" (number of rows that
+        fulfil them), "best_median_worst" (or None) and "best", a list of dicts of "row", "q" (nq,), "values" and, for a redundant
+        arm, "self_motion" (q and values at the best pose along its self-motion, or None).
+
+        Raises:
+            StudyError: a study without [advise].
+        """
 
 class Fit:
+    """The result of a fit."""
+    def __new__(cls, _: Never, /) -> Self: ...
+    """The result of a fit."""
     @property
-    def fitted_to(self) -> Literal["velocities", "trajectories"]: ...
+    def fitted_to(self) -> Literal["velocities", "trajectories"]:
+        """What was fitted to: "velocities" or "trajectories"."""
     @property
-    def law(self) -> str: ...
+    def law(self) -> str:
+        """Name of the law."""
     @property
-    def coefficients(self) -> dict[str, dict[str, Any]]: ...
+    def coefficients(self) -> dict[str, dict[str, Any]]:
+        """The coefficients: a dict from "restitution", "friction" and, if asked for, "inertia scale" to dicts of "value", "low" and
+        "high" (confidence interval) and "interval" (its method).
+        """
     @property
-    def train(self) -> dict[str, float | None]: ...
+    def train(self) -> dict[str, float | None]:
+        """Errors of the part that was fitted: a dict of "count", "mean", "median" (m/s for velocities), "below_half", "least" and
+        "least_in_cone".
+        """
     @property
-    def test(self) -> dict[str, float | None] | None: ...
+    def test(self) -> dict[str, float | None] | None:
+        """Errors of the rest, as `train`; None if nothing is left."""
     @property
-    def errors(self) -> _Floats: ...
+    def errors(self) -> _Vector:
+        """Error of each measurement, shape (N,)."""
     @property
-    def trained(self) -> list[bool]: ...
+    def trained(self) -> list[bool]:
+        """Whether each measurement was fitted, a list of booleans."""
     @property
-    def notes(self) -> list[str]: ...
+    def notes(self) -> list[str]:
+        """Notes for the reader, one sentence each."""
     @property
-    def trials(self) -> int: ...
+    def trials(self) -> int:
+        """Number of sets of coefficients that were evaluated."""
 
-def law(H: ArrayLike, u: ArrayLike, law: _AnyLaw | Sequence[_AnyLaw], *, branches: bool = False) -> Any:
-    """An Outcome; a list of them for a list of laws or with branches=True, a list of lists for both."""
-
-def diagram(H: ArrayLike, u: ArrayLike, friction: float, outcomes: Sequence[Outcome]) -> dict[str, Any]: ...
 @overload
-def map(study: Study | _Path | Mapping[str, Any], out: None = None, *, folder: _Path = ".") -> Table: ...
+def law(H: ArrayLike, u: ArrayLike, law: _AnyLaw, *, branches: Literal[False] = False) -> Outcome:
+    """The outcome of an impact law on plain numbers.
+
+    Args:
+        H: Delassus matrix (inverse inertia at the contact), shape (3, 3) or in the plane (2, 2), 1/kg.
+        u: contact velocity before the impact, shape (3,) or (2,), m/s. The axes are the contact axes: tangents first, normal last;
+            the normal points from the environment to the robot, so an approaching contact has u[-1] < 0.
+        law: an impact law, a function of H and u, or a list of them.
+        branches: returns a list of all outcomes that satisfy the law, the chosen one first.
+
+    Raises:
+        StateError: a wrong shape.
+        ImpactError: a matrix that is not symmetric or not positive semidefinite, or a law without a solution.
+    """
+@overload
+def law(H: ArrayLike, u: ArrayLike, law: _AnyLaw, *, branches: Literal[True]) -> list[Outcome]: ...
+@overload
+def law(H: ArrayLike, u: ArrayLike, law: Sequence[_AnyLaw], *, branches: Literal[False] = False) -> list[Outcome]: ...
+@overload
+def law(H: ArrayLike, u: ArrayLike, law: Sequence[_AnyLaw], *, branches: Literal[True]) -> list[list[Outcome]]: ...
+def diagram(H: ArrayLike, u: ArrayLike, friction: float, outcomes: Sequence[Outcome]) -> Diagram:
+    """The diagram of one impact with the outcomes of laws, as data to draw.
+
+    In the plane the Routh diagram: the plane of impulses with friction cone, lines of compression and sticking, energy ellipse and
+    every law's impulse. In space the hodograph: the plane of slip velocities with the path of the slip and every law's u⁺.
+
+    Args:
+        H, u: the problem, as for carom.law.
+        friction: Coulomb's coefficient of the lines.
+        outcomes: a list of results of carom.law.
+
+    Returns:
+        A Diagram: a dict of "title", "axes" (two labels), "window" (shape (2, 2)), "equal_scales", "shapes" (dicts of "name", "colour" (three
+        numbers from 0 to 1), "stroke" ("area", "thin", "thick") and "pieces", arrays (n, 2)), "marks" (dicts of "name", "colour",
+        "symbol" ("law", "start", "turn", "stop") and "at", shape (2,)) and "svg", the picture.
+
+    Raises:
+        ImpactError: the contact does not approach, or H is singular.
+    """
+@overload
+def map(study: Study | _Path | Mapping[str, Any], out: None = None, *, folder: _Path = ".") -> Table:
+    """The impact map of a study.
+
+    Args:
+        study: a Study, the path of a study file, or a dict with its keys.
+        out: a file (X.csv or X.parquet) that is written in constant memory; None gives a Table in memory.
+        folder: the folder to which file names in a dict are relative.
+
+    Returns:
+        A Table, or None with `out`.
+
+    Raises:
+        StudyError, UrdfError: as Study.from_file and Study.write.
+    """
 @overload
 def map(study: Study | _Path | Mapping[str, Any], out: _Path, *, folder: _Path = ".") -> None: ...
 def fit(
@@ -560,8 +1526,50 @@ def fit(
     train: float = 0.5,
     seed: int = 0,
     confidence: float = 0.95,
-) -> Fit: ...
-def record(run: Run, to: _Path | _Stream) -> None: ...
-def can_record() -> bool: ...
+) -> Fit:
+    """Fits restitution and friction to measured impacts. One of three kinds of data is given:
+
+    - velocities at the contact: ``delassus`` (N, D, D), 1/kg, ``u_minus`` and ``u_plus`` (N, D), m/s, in contact axes, tangents
+      first, normal last; D is 2 or 3;
+    - velocities of the joints of a ``chain``: ``q`` (N, nq), ``qd_minus`` and ``qd_plus`` (N, nv), with ``frame``, ``point`` and
+      ``normal`` of the contact as in ``Chain.impact``;
+    - tosses: ``tosses``, a folder with tosses.csv and a URDF (``robot`` names it if there are several), with the
+      ``tolerance`` and ``contact_step`` (s) of the simulations and the ``length`` (m) of the pose error. The ``start`` is
+      "fitted" to the flight before the first impact, or "given" by the first free sample; the ``horizon`` of the fitted error is
+      the "whole" toss or "early", to 0.1 s after the first impact.
+
+    Args:
+        law: name of the law, any but "frictionless".
+        loss: "huber" or "squares".
+        inertia: fits the scale of rotational inertia too; needs a robot.
+        max_friction: largest friction of the search.
+        train: share of the measurements that is fitted; the rest is the test.
+        seed: of the split into both, and of the bootstrap.
+        confidence: level of the intervals.
+
+    Returns:
+        A Fit.
+
+    Raises:
+        FitError: too few measurements, an option out of its range, a contact that does not approach.
+        TypeError: data of no or of several kinds.
+    """
+def record(run: Run, to: _Path | _Stream) -> None:
+    """Records a run for the Rerun viewer: in a file, or in a recording stream of the package rerun-sdk.
+
+    A stream gets the entities and timelines of the file and keeps its own application, recording and layout, so that a program
+    logs its own data beside them.
+
+    Args:
+        run: a Run.
+        to: the file, X.rrd, which is complete or not there; or a stream, such as ``rerun.RecordingStream("strike")`` or
+            ``rerun.get_global_data_recording()``, of rerun-sdk 0.36.3.
+
+    Raises:
+        RecordError: the file cannot be written, or this package is built without recordings (``can_record()``).
+        TypeError: `to` is neither a path nor a stream.
+    """
+def can_record() -> bool:
+    """Whether this package can write recordings."""
 
 __all__: list[str]
