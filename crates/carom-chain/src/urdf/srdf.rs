@@ -60,7 +60,8 @@ pub(super) fn read(path: &Path, links: &[Link], joints: &[Joint], warnings: &mut
                 }
             }
             "group_state" => {
-                let missing = |node, attribute| source.error(node, Some(attribute), "is missing");
+                let missing =
+                    |node, attribute| source.error(node, Some(attribute), format!("{attribute} is missing: give it"));
                 let name = node.attribute("name").ok_or_else(|| missing(node, "name"))?;
                 let at = poses.iter().position(|pose| pose.name == name).unwrap_or_else(|| {
                     poses.push(NamedPose { name: name.to_owned(), positions: Vec::new() });
