@@ -33,7 +33,7 @@ mod stress;
 mod survey;
 mod tosses;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::io::{self, Write};
 use std::process::ExitCode;
 
@@ -73,6 +73,15 @@ Warnings are lines `warning: …` on standard error.";
 
 #[derive(Subcommand)]
 enum Command {
+    #[command(flatten)]
+    Use(Use),
+    #[command(flatten)]
+    Evidence(Evidence),
+}
+
+/// Commands on the user's robots, scenes and measurements, in the order of the help.
+#[derive(Subcommand)]
+enum Use {
     Inspect(inspect::Inspect),
     Dynamics(dynamics::Dynamics),
     Impact(impact::Impact),
@@ -80,33 +89,67 @@ enum Command {
     Map(map::MapCommand),
     Plan(plan::PlanCommand),
     Simulate(simulate::Simulate),
-    Chart(chart::ChartCommand),
-    Stress(stress::StressCommand),
-    Paper(paper::PaperCommand),
-    Consistency(consistency::ConsistencyCommand),
     Tosses(tosses::TossesCommand),
     Fit(fit::FitCommand),
     Compare(compare::CompareCommand),
 }
 
+/// Commands that test laws and methods against theory and publications.
+#[derive(Subcommand)]
+enum Evidence {
+    Chart(chart::ChartCommand),
+    Stress(stress::StressCommand),
+    Paper(paper::PaperCommand),
+    Consistency(consistency::ConsistencyCommand),
+}
+
+/// The command line, whose help lists the subcommands in two groups; clap itself has no headings for subcommands.
+fn command_line() -> clap::Command {
+    let mut command = Cli::command();
+    command.build(); // adds `help`
+    let evidence = Evidence::augment_subcommands(clap::Command::new(""));
+    let evidence: Vec<&str> = evidence.get_subcommands().map(clap::Command::get_name).collect();
+    let (header, literal) = (command.get_styles().get_header(), command.get_styles().get_literal());
+    let width = command.get_subcommands().map(|one| one.get_name().len()).max().unwrap_or_default();
+    let group = |title: &str, in_group: &dyn Fn(&str) -> bool| {
+        let mut text = format!("{header}{title}:{header:#}\n");
+        for one in command.get_subcommands().filter(|one| in_group(one.get_name())) {
+            let (name, about) = (one.get_name(), one.get_about().map(ToString::to_string).unwrap_or_default());
+            text += &format!("  {literal}{name:width$}{literal:#}  {about}\n");
+        }
+        text
+    };
+    let used = group("Commands", &|name| !evidence.contains(&name));
+    let tests = group("Commands that test laws and methods", &|name| evidence.contains(&name));
+    let template = format!(
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{used}\n{tests}\n{header}Options:{header:#}\n{{options}}{{after-help}}"
+    );
+    Cli::command().help_template(template)
+}
+
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let mut command = command_line();
+    let cli = Cli::from_arg_matches(&command.get_matches_mut()).unwrap_or_else(|e| e.format(&mut command).exit());
     let stdout = &mut output::PlainLines(io::stdout().lock());
     let done = match cli.command {
-        Command::Inspect(command) => command.run(stdout),
-        Command::Dynamics(command) => command.run(stdout),
-        Command::Impact(command) => command.run(stdout),
-        Command::Law(command) => command.run(stdout),
-        Command::Map(command) => command.run(stdout),
-        Command::Plan(command) => command.run(stdout),
-        Command::Simulate(command) => command.run(stdout),
-        Command::Chart(command) => command.run(stdout),
-        Command::Stress(command) => command.run(stdout),
-        Command::Paper(command) => command.run(stdout),
-        Command::Consistency(command) => command.run(stdout),
-        Command::Tosses(command) => command.run(stdout),
-        Command::Fit(command) => command.run(stdout),
-        Command::Compare(command) => command.run(stdout),
+        Command::Use(command) => match command {
+            Use::Inspect(command) => command.run(stdout),
+            Use::Dynamics(command) => command.run(stdout),
+            Use::Impact(command) => command.run(stdout),
+            Use::Law(command) => command.run(stdout),
+            Use::Map(command) => command.run(stdout),
+            Use::Plan(command) => command.run(stdout),
+            Use::Simulate(command) => command.run(stdout),
+            Use::Tosses(command) => command.run(stdout),
+            Use::Fit(command) => command.run(stdout),
+            Use::Compare(command) => command.run(stdout),
+        },
+        Command::Evidence(command) => match command {
+            Evidence::Chart(command) => command.run(stdout),
+            Evidence::Stress(command) => command.run(stdout),
+            Evidence::Paper(command) => command.run(stdout),
+            Evidence::Consistency(command) => command.run(stdout),
+        },
     };
     match done.and_then(|()| Ok(stdout.flush()?)) {
         Ok(()) => ExitCode::SUCCESS,

@@ -97,9 +97,13 @@ fn every_help_fits_100_columns_and_describes_computation_input_output_and_option
         ran.out
     };
     let overview = help("--help");
-    let listed = overview.split_once("Commands:\n").unwrap().1.split("\n\n").next().unwrap();
-    let commands: Vec<&str> = listed.lines().map(|line| line.split_whitespace().next().unwrap()).collect();
-    assert_eq!(commands.len(), 15, "14 commands and `help`: {commands:?}");
+    let [used, tests] = ["Commands:\n", "Commands that test laws and methods:\n"].map(|title| {
+        let listed = overview.split_once(title).unwrap().1.split("\n\n").next().unwrap();
+        listed.lines().map(|line| line.split_whitespace().next().unwrap()).collect::<Vec<_>>()
+    });
+    assert_eq!((used.last(), used.len()), (Some(&"help"), 11), "10 commands and `help`: {used:?}");
+    assert_eq!(tests, ["chart", "stress", "paper", "consistency"]);
+    let commands = [used, tests].concat();
     for words in ["Exit status:", "  0  Done.", "  1  An input is refused.", "  2  Wrong command line."] {
         assert!(overview.contains(words), "{words}");
     }
