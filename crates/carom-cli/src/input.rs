@@ -334,7 +334,7 @@ fn permute(order: &[usize], theirs: &[f64]) -> Vec<f64> {
 #[derive(clap::Args)]
 pub struct StateArgs {
     /// Link of the contact point
-    #[arg(long, value_name = "LINK")]
+    #[arg(long, visible_alias = "frame", value_name = "LINK")]
     pub tip: String,
     /// Contact point in the axes of the link, m
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = parse_vector, allow_hyphen_values = true)]

@@ -10,17 +10,26 @@ use carom_impact::{
 };
 use carom_study::{Diagram, LawPoint, hodograph, impulse_space, routh_diagram};
 use clap::Args;
-use clap::builder::{PossibleValue, PossibleValuesParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// The values of an option that takes a law, each with its description.
-pub fn laws(all: bool) -> PossibleValuesParser {
-    let all = all.then_some(("all", "every law; those without an answer are listed with the reason"));
-    let own = LAWS.into_iter().map(|law| (law.name, law.summary));
-    PossibleValuesParser::new(own.chain(all).map(|(law, summary)| PossibleValue::new(law).help(summary)))
+/// The values of an option that takes a law, each with its description. An alias is read as the name of its law.
+pub fn laws(all: bool) -> impl TypedValueParser<Value = String> {
+    let all =
+        all.then(|| PossibleValue::new("all").help("every law; those without an answer are listed with the reason"));
+    let own = LAWS.into_iter().map(|law| {
+        let also = match law.aliases {
+            [] => String::new(),
+            [one] => format!(" [alias: {one}]"),
+            all => format!(" [aliases: {}]", all.join(", ")),
+        };
+        PossibleValue::new(law.name).help(format!("{}{also}", law.summary)).aliases(law.aliases)
+    });
+    let name = |given: String| LawInfo::named(&given).map_or(given, |law| law.name.to_owned());
+    PossibleValuesParser::new(own.chain(all)).map(name)
 }
 
 // Which law, with which coefficients.
@@ -33,10 +42,10 @@ pub struct LawArgs {
     ///
     /// The ratio of normal velocities, except for two laws: the ratio of normal impulses for
     /// poisson, the square root of the ratio of normal works for energetic.
-    #[arg(long, value_name = "E", allow_hyphen_values = true, verbatim_doc_comment)]
+    #[arg(long, visible_alias = "e", value_name = "E", allow_hyphen_values = true, verbatim_doc_comment)]
     pub restitution: f64,
     /// Coefficient of Coulomb friction, 0 or more
-    #[arg(long, value_name = "MU", default_value_t = 0.0, allow_hyphen_values = true)]
+    #[arg(long, visible_alias = "mu", value_name = "MU", default_value_t = 0.0, allow_hyphen_values = true)]
     pub friction: f64,
     /// Coefficient of tangential restitution, -1 to 1, of chatterjee-ruina only [default: 0]
     #[arg(long, value_name = "ET", allow_hyphen_values = true)]

@@ -10,6 +10,7 @@
 
 mod chart;
 mod compare;
+mod completions;
 mod consistency;
 mod dynamics;
 mod error;
@@ -36,6 +37,7 @@ mod tosses;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::io::{self, Write};
 use std::process::ExitCode;
+use std::sync::atomic::Ordering;
 
 /// Impacts of kinematic chains: qd⁺ = qd⁻ + M⁻¹ Jᵀ p
 ///
@@ -52,6 +54,9 @@ use std::process::ExitCode;
     after_help = AFTER_HELP
 )]
 struct Cli {
+    /// Print no warnings on standard error
+    #[arg(long, global = true)]
+    quiet: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -69,7 +74,7 @@ Exit status:
      then written the answers to all lines before the refused one.
   2  Wrong command line.
 A file that an option names is complete or not there: it is written beside its place and renamed.
-Warnings are lines `warning: …` on standard error.";
+Warnings are lines `warning: …` on standard error; --quiet leaves them out.";
 
 #[derive(Subcommand)]
 enum Command {
@@ -92,6 +97,7 @@ enum Use {
     Tosses(tosses::TossesCommand),
     Fit(fit::FitCommand),
     Compare(compare::CompareCommand),
+    Completions(completions::Completions),
 }
 
 /// Commands that test laws and methods against theory and publications.
@@ -130,6 +136,7 @@ fn command_line() -> clap::Command {
 fn main() -> ExitCode {
     let mut command = command_line();
     let cli = Cli::from_arg_matches(&command.get_matches_mut()).unwrap_or_else(|e| e.format(&mut command).exit());
+    output::QUIET.store(cli.quiet, Ordering::Relaxed);
     let stdout = &mut output::PlainLines(io::stdout().lock());
     let done = match cli.command {
         Command::Use(command) => match command {
@@ -143,6 +150,7 @@ fn main() -> ExitCode {
             Use::Tosses(command) => command.run(stdout),
             Use::Fit(command) => command.run(stdout),
             Use::Compare(command) => command.run(stdout),
+            Use::Completions(command) => command.run(command_line()),
         },
         Command::Evidence(command) => match command {
             Evidence::Chart(command) => command.run(stdout),

@@ -10,6 +10,7 @@ use std::borrow::Cow;
 use std::fmt;
 use std::io::{self, Write};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Writes one answer: as a line of JSON, or as text by `for_people`.
 ///
@@ -128,8 +129,14 @@ impl<W: Write> Write for PlainLines<W> {
     }
 }
 
-/// Writes one line of bounded length to standard error; errors of writing are ignored.
+/// Whether warnings are left out (`--quiet`).
+pub static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// Writes one line of bounded length to standard error, unless it is a warning and they are left out; errors of writing are ignored.
 pub fn say(text: &str) {
+    if QUIET.load(Ordering::Relaxed) && text.starts_with("warning: ") {
+        return;
+    }
     let _ = writeln!(io::stderr(), "{}", plain(&shortened(text, 2 * MESSAGE)));
 }
 

@@ -52,7 +52,7 @@ pub struct FitCommand {
     #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
     joints: Option<Vec<String>>,
     /// Link of the contact point [default for flights: the lowest point of the collision shapes]
-    #[arg(long, value_name = "LINK")]
+    #[arg(long, visible_alias = "frame", value_name = "LINK")]
     tip: Option<String>,
     /// Contact point in the axes of the link, m; "point" of a line replaces it
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = parse_vector, allow_hyphen_values = true)]
