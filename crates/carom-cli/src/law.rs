@@ -1,7 +1,7 @@
 //! `carom law`: impact laws on given Delassus matrices and contact velocities.
 
 use crate::error::{CliError, LineError, Refused};
-use crate::files;
+use crate::files::{self, Kind, Outputs};
 use crate::input::{check_coefficients, for_each_line, within};
 use crate::output::{answer, row, say, short, write_whole};
 use crate::record::{Record, record_diagrams};
@@ -161,14 +161,14 @@ pub struct LawCommand {
     /// robot, so an approach has u_n < 0. Empty lines are skipped.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     problems: PathBuf,
-    /// Draw the first problem and the answers of the laws (SVG)
+    /// Draw (.svg) or record (.rrd) the first problem and the answers of the laws; may be repeated
     ///
     /// In the plane, the Routh diagram: the plane of impulses with friction cone, lines of
     /// compression and sticking, energy ellipse, permissible region and every law's impulse. In
     /// space, the hodograph: the plane of slip velocities with the path of the slip, the
     /// invariant directions and every law's u⁺.
-    #[arg(long, value_name = "X.svg", verbatim_doc_comment)]
-    svg: Option<PathBuf>,
+    #[arg(long, alias = "svg", value_name = "FILE", verbatim_doc_comment)]
+    out: Vec<PathBuf>,
     #[command(flatten)]
     record: Record,
     /// Print one line of JSON for each line of input instead of a table
@@ -211,13 +211,14 @@ pub struct Branch {
 }
 
 impl LawCommand {
-    pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+    pub fn run(mut self, out: &mut dyn Write) -> Result<(), CliError> {
         let (plane, space) = (self.law.laws::<2>()?, self.law.laws::<3>()?);
-        self.record.check()?;
+        let outputs = Outputs::of(&self.out, &[Kind::Picture, Kind::Recording])?;
+        self.record.check(outputs.recording.as_deref())?;
         let reads: Vec<PathBuf> =
             (self.problems != Path::new("-")).then(|| self.problems.clone()).into_iter().collect();
-        files::check(&reads, &[("--svg", self.svg.as_deref()), ("--out", self.record.file())])?;
-        let mut drawn = self.svg.is_none() && !self.record.is_asked();
+        files::check(&reads, &outputs.files())?;
+        let mut drawn = outputs.picture.is_none() && !self.record.is_asked();
         let mut drawing = None;
         for_each_line(&self.problems, out, |problem: Problem, _, out| {
             let first = !std::mem::replace(&mut drawn, true);
@@ -254,7 +255,7 @@ impl LawCommand {
             if self.record.is_asked() {
                 record_diagrams(&self.record, plane, space.as_ref(), words)?;
             }
-            self.svg.as_ref().map_or(Ok(()), |path| write_whole(path, svg))?;
+            outputs.picture.as_ref().map_or(Ok(()), |path| write_whole(path, svg))?;
         }
         if drawn {
             return Ok(());

@@ -73,7 +73,13 @@ Exit status:
      the value and the rule. Commands that read one problem per line (dynamics, impact, law) have
      then written the answers to all lines before the refused one.
   2  Wrong command line.
-A file that an option names is complete or not there: it is written beside its place and renamed.
+
+Files:
+  --out FILE writes what the ending of the name says: .csv or .parquet a table, .svg a picture, .rrd
+  a recording for the Rerun viewer; the help of a command lists what it writes. The table of the name
+  - is CSV on standard output, in place of the answer. Commands that write several files have --out
+  FOLDER. A file that an option names is complete or not there: it is written beside its place and
+  renamed.
 Warnings are lines `warning: …` on standard error; --quiet leaves them out.";
 
 #[derive(Subcommand)]
