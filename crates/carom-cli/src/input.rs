@@ -202,7 +202,7 @@ pub fn for_each_line<T: DeserializeOwned>(
 }
 
 /// The message of serde without its line number, which counts within this one line and is always 1.
-fn shorten(error: &serde_json::Error) -> String {
+pub fn shorten(error: &serde_json::Error) -> String {
     let text = error.to_string().replace(" at line 1 column ", " at column ");
     shortened(&text, MESSAGE).into_owned()
 }

@@ -2,12 +2,14 @@
 
 use super::{FitCommand, Flights, name};
 use crate::error::{CliError, LineError};
-use crate::input::{JointOrder, for_each_line};
+use crate::input::{JointOrder, for_each_line, shorten};
 use carom_chain::{Chain, FrameId, FramePoint};
 use carom_study::Tosses;
 use carom_study::fit::{ChainJump, FitError, Flight, Joined, MeasuredImpact, join_flights, lowest_point, toss_flights};
 use nalgebra::{SMatrix, SVector};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
+use serde_json::value::RawValue;
 use std::io;
 use std::path::Path;
 
@@ -18,9 +20,36 @@ struct JumpLine {
     u_minus: Option<Vec<f64>>,
     u_plus: Option<Vec<f64>>,
     q: Option<Vec<f64>>,
+    #[serde(alias = "qd")]
     qd_minus: Option<Vec<f64>>,
     qd_plus: Option<Vec<f64>>,
     point: Option<[f64; 3]>,
+}
+
+/// What is read of an answer of `carom impact --json`, which is recognised by the name of its law.
+#[derive(Deserialize)]
+struct Answer {
+    law: Option<IgnoredAny>,
+    q: Option<Vec<f64>>,
+    qd: Option<Vec<f64>>,
+    qd_plus: Option<Vec<f64>>,
+}
+
+impl JumpLine {
+    fn read(text: &str) -> Result<Self, LineError> {
+        match serde_json::from_str::<Answer>(text) {
+            Ok(Answer { law: Some(_), q, qd, qd_plus }) => {
+                if q.is_none() || qd.is_none() || qd_plus.is_none() {
+                    let rule = "the answer of `carom impact` needs the keys q and qd of its state, and qd_plus";
+                    return Err(LineError(rule.into()));
+                }
+                let (delassus, u_minus, u_plus, point) = (None, None, None, None);
+                Ok(Self { delassus, u_minus, u_plus, q, qd_minus: qd, qd_plus, point })
+            }
+            // a line that is no answer is read, or refused, as a jump
+            _ => serde_json::from_str(text).map_err(|e| LineError(shorten(&e))),
+        }
+    }
 }
 
 #[derive(Deserialize)]
@@ -66,7 +95,8 @@ impl FitCommand {
         let robot = self.robot()?;
         let mut impacts = Vec::new();
         let mut of_robot = false;
-        for_each_line(path, &mut io::sink(), |line: JumpLine, _, _| {
+        for_each_line(path, &mut io::sink(), |line: Box<RawValue>, _, _| {
+            let line = JumpLine::read(line.get())?;
             of_robot |= line.q.is_some();
             impacts.push(self.jump(line, robot.as_ref())?);
             Ok(())
