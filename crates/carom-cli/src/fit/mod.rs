@@ -4,7 +4,7 @@ mod read;
 mod report;
 
 use crate::error::CliError;
-use crate::input::{LoadArgs, RobotArgs, parse_vector, tell};
+use crate::input::{LoadArgs, parse_vector, tell};
 use crate::law::{Refusal, laws};
 use crate::output::answer;
 use crate::tosses::start;
@@ -44,26 +44,8 @@ use std::path::{Path, PathBuf};
 pub struct FitCommand {
     #[command(flatten)]
     source: Source,
-    /// Robot (URDF file); for a folder of tosses, its name in the folder [default: the only one]
-    #[arg(long, value_name = "ROBOT.urdf")]
-    robot: Option<PathBuf>,
-    /// Add a floating joint between the world and the root link; always so for folders of tosses
-    #[arg(long)]
-    floating: bool,
     #[command(flatten)]
-    load: LoadArgs,
-    /// Order of the joints in q and qd [default: the order of the file]
-    #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
-    joints: Option<Vec<String>>,
-    /// Link of the contact point [default for flights: the lowest point of the collision shapes]
-    #[arg(long, visible_alias = "frame", value_name = "LINK")]
-    tip: Option<String>,
-    /// Contact point in the axes of the link, m; "point" of a line replaces it
-    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = parse_vector, allow_hyphen_values = true)]
-    point: [f64; 3],
-    /// Surface normal in world axes, from the environment to the robot
-    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,1", value_parser = parse_vector, allow_hyphen_values = true)]
-    normal: [f64; 3],
+    at: AtRobot,
     /// Acceleration of gravity in flights, world axes, m/s²
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,-9.81", value_parser = parse_vector, allow_hyphen_values = true)]
     gravity: [f64; 3],
@@ -112,16 +94,42 @@ pub struct FitCommand {
     json: bool,
 }
 
+// The robot of measured impacts, and their contact.
+#[derive(Args)]
+pub struct AtRobot {
+    /// Robot (URDF file); for a folder of tosses, its name in the folder [default: the only one]
+    #[arg(long, value_name = "ROBOT.urdf")]
+    pub robot: Option<PathBuf>,
+    /// Add a floating joint between the world and the root link; always so for folders of tosses
+    #[arg(long)]
+    floating: bool,
+    #[command(flatten)]
+    pub load: LoadArgs,
+    /// Order of the joints in q and qd of JSON lines [default: the order of the file]
+    #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
+    joints: Option<Vec<String>>,
+    /// Link of the contact point [default for flights: the lowest point of the collision shapes]
+    #[arg(long, visible_alias = "frame", value_name = "LINK")]
+    pub tip: Option<String>,
+    /// Contact point in the axes of the link, m; "point" of a line replaces it
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = parse_vector, allow_hyphen_values = true)]
+    point: [f64; 3],
+    /// Surface normal in world axes, from the environment to the robot
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,1", value_parser = parse_vector, allow_hyphen_values = true)]
+    normal: [f64; 3],
+}
+
 // The recorded data.
 #[derive(Args)]
 #[group(required = true, multiple = false)]
 struct Source {
-    /// Velocities before and after impacts, one JSON object per line; - is standard input
+    /// Velocities before and after impacts: JSON lines (- is standard input), or a CSV table
     ///
     /// {"delassus":[[…],…],"u_minus":[…],"u_plus":[…]} (1/kg, m/s) in contact axes, tangents
     /// first, normal last; or, with --robot and --tip, {"q":[…],"qd_minus":[…],"qd_plus":[…]}, to
     /// which "point":[x,y,z] (m) may be added, or what `carom impact --json` prints for one law.
-    /// "qd" is read as "qd_minus".
+    /// "qd" is read as "qd_minus". A table (.csv) has the columns q.<joint>, qd_minus.<joint>,
+    /// qd_plus.<joint> in any order and, if wanted, point.x, point.y, point.z; others are not read.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     velocities: Option<PathBuf>,
     /// Poses in the flights before and after impacts, one JSON object per line, or a folder
@@ -185,7 +193,7 @@ impl FitCommand {
             Data::Tosses(self.tosses(path)?, roll)
         } else {
             let (impacts, chain) = if velocities.is_some() {
-                self.jumps(path)?
+                self.at.jumps(path)?
             } else if path.is_dir() {
                 let tosses = self.tosses(path)?;
                 let bar = Bar::new("flights");
@@ -241,16 +249,11 @@ impl FitCommand {
     }
 
     fn tosses(&self, folder: &Path) -> Result<Tosses, CliError> {
-        let robot = self.robot.as_deref().map(Path::to_string_lossy);
-        let options = self.load.options(true);
+        let robot = self.at.robot.as_deref().map(Path::to_string_lossy);
+        let options = self.at.load.options(true);
         let tosses = Tosses::read(folder, robot.as_deref(), &options).map_err(|e| CliError::Scene(e.to_string()))?;
         tell(&folder.display().to_string(), &tosses.chain);
         Ok(tosses)
-    }
-
-    fn robot_args(&self) -> Option<RobotArgs> {
-        let urdf = self.robot.clone()?;
-        Some(RobotArgs { urdf, floating: self.floating, load: self.load.clone() })
     }
 }
 
