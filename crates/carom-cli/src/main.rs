@@ -83,6 +83,7 @@ Files:
 Warnings are lines `warning: …` on standard error; --quiet leaves them out.";
 
 #[derive(Subcommand)]
+#[allow(clippy::large_enum_variant)] // there is one value
 enum Command {
     #[command(flatten)]
     Use(Use),
