@@ -161,7 +161,7 @@ pub struct LawCommand {
     /// robot, so an approach has u_n < 0. Empty lines are skipped.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     problems: PathBuf,
-    /// Draw (.svg) or record (.rrd) the first problem and the answers of the laws; may be repeated
+    /// Draw (.svg) or record (.rrd) the first problem with its answers; may be repeated
     ///
     /// In the plane, the Routh diagram: the plane of impulses with friction cone, lines of
     /// compression and sticking, energy ellipse, permissible region and every law's impulse. In

@@ -55,7 +55,7 @@ use std::sync::atomic::Ordering;
 )]
 struct Cli {
     /// Print no warnings on standard error
-    #[arg(long, global = true)]
+    #[arg(long, global = true, display_order = 998)]
     quiet: bool,
     #[command(subcommand)]
     command: Command,
@@ -76,10 +76,11 @@ Exit status:
 
 Files:
   --out FILE writes what the ending of the name says: .csv or .parquet a table, .svg a picture, .rrd
-  a recording for the Rerun viewer; the help of a command lists what it writes. The table of the name
-  - is CSV on standard output, in place of the answer. Commands that write several files have --out
-  FOLDER. A file that an option names is complete or not there: it is written beside its place and
-  renamed.
+  a recording for the Rerun viewer; the help of a command lists what it writes. As the name of a
+  table, - is CSV on standard output, in place of the answer. Commands that write several files
+  have --out FOLDER.
+  A file that an option names is complete or not there: it is written beside its place and renamed.
+
 Warnings are lines `warning: …` on standard error; --quiet leaves them out.";
 
 #[derive(Subcommand)]
