@@ -1,18 +1,17 @@
 //! `carom compare`: every impact law on measured data.
 
 use crate::error::CliError;
-use crate::fit::Bar;
-use crate::input::LoadArgs;
+use crate::fit::{AtRobot, Bar};
 use crate::output::{make_folder, to_json, write_whole};
 use crate::{files, output::answer};
 use carom_evidence::compare::{
-    CompareOptions, Comparison, TossCases, compare, data_sets, markdown, summary, svg, toss_cases,
+    CompareOptions, Comparison, DataSet, TossCases, compare, data_sets, markdown, summary, svg, toss_cases,
 };
 use carom_study::Horizon;
 use clap::{Args, builder::PossibleValuesParser};
 use serde::Serialize;
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Compare all impact laws on measured data
 ///
@@ -20,7 +19,10 @@ use std::path::PathBuf;
 /// coefficients were not fitted to. The measurements are dealt out to --folds folds by a seeded
 /// shuffle; for each fold the coefficients are fitted to the mean error outside it.
 ///
-/// Input: folders, folders of such folders, or tables. A folder is recognised by its content:
+/// Input: your own impacts as `carom fit --velocities` reads them, as JSON lines (.jsonl; - is
+/// standard input) or as a CSV table with the columns q.<joint>, qd_minus.<joint>, qd_plus.<joint>,
+/// with --robot, --tip and --normal; or published measurements: folders, folders of such folders, or
+/// tables. A folder is recognised by its content:
 /// tosses.csv with a URDF (as for `carom tosses`; of several URDF files the one whose name begins
 /// the names of all others); a CSV table of single impacts of a planar ellipse (columns pre_vx,
 /// pre_vy, pre_w, post_…, d_x, d_y, d_th, n_…) or of a dropped square (columns drop, pre_x, pre_z,
@@ -47,7 +49,8 @@ use std::path::PathBuf;
 /// least error of the measurements that it is fitted to, judged from the fitted start alone. For each
 /// fold a model is selected by the measurements outside it: an effect is accepted if it lowers their
 /// error by more than two standard errors.
-/// Output: for each set the best law, its mean error on held-out measurements with its standard
+/// Output: for your own impacts the table of all laws with their mean error on held-out impacts, as
+/// share of the velocity before; for each other set the best law, its mean error on held-out measurements with its standard
 /// error, the next law with the paired difference, and the bound of any impulse at the point or the
 /// floor from the noise of the start. Tosses are judged to 0.1 s after the first impact and as a
 /// whole, from starts fitted to the flight and from starts given by the table; landings 7 and 5 ms
@@ -64,11 +67,11 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
 pub struct CompareCommand {
-    /// Folders or tables
+    /// Own impacts, folders or tables
     #[arg(value_name = "DATA", required = true)]
     data: Vec<PathBuf>,
     #[command(flatten)]
-    load: LoadArgs,
+    at: AtRobot,
     /// Number of folds, 2 or more
     #[arg(long, value_name = "K", default_value_t = 5)]
     folds: usize,
@@ -137,10 +140,24 @@ impl CompareCommand {
             contact_step: self.contact_step,
             length: self.length,
         };
-        let load = self.load.options(true);
+        let load = self.at.load.options(true);
         let mut sets = Vec::new();
+        let mut own = Vec::new();
         for path in &self.data {
-            sets.extend(data_sets(path, &load)?);
+            if is_own(path) {
+                let (impacts, _) = self.at.jumps(path)?;
+                let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+                let name = if path == Path::new("-") { "impacts".into() } else { stem };
+                own.push(sets.len());
+                sets.push(DataSet::of_impacts(name, (1..=impacts.len() as i64).collect(), impacts));
+            } else {
+                sets.extend(data_sets(path, &load)?);
+            }
+        }
+        if own.is_empty() && (self.at.robot.is_some() || self.at.tip.is_some()) {
+            let rule = "they belong to your own impacts, and none of the data are: give JSON lines (.jsonl), or a CSV table with \
+                        the columns q.<joint>, qd_minus.<joint>, qd_plus.<joint>";
+            return Err(CliError::Option(format!("--robot, --tip: {rule}")));
         }
         if let Some(file) = &self.export {
             let cases: Vec<Option<TossCases>> =
@@ -157,6 +174,11 @@ impl CompareCommand {
             let bar = Bar::new("steps");
             comparisons.push(compare(set, &options, &|done, all, _| bar.tell(done, all))?);
         }
+        let (pages, others): (Vec<_>, Vec<_>) = comparisons.iter().enumerate().partition(|(k, _)| own.contains(k));
+        let mut printed: String = pages.iter().map(|(_, one)| markdown(one)).collect();
+        if !others.is_empty() {
+            printed += &summary(&others.into_iter().flat_map(|(_, one)| one.clone()).collect::<Vec<_>>());
+        }
         let report = |comparisons| Report { seed: self.seed, folds: self.folds, comparisons };
         let all: Vec<Comparison> = comparisons.concat();
         if let Some(folder) = &self.out {
@@ -172,9 +194,19 @@ impl CompareCommand {
             let json = to_json(&report(all.clone())).map_err(CliError::Output)?;
             write_whole(&folder.join("compare.json"), &format!("{json}\n"))?;
         }
-        let told = |report: &Report, out: &mut dyn Write| -> io::Result<()> {
-            summary(&report.comparisons).lines().try_for_each(|line| writeln!(out, "{line}"))
+        let told = |_: &Report, out: &mut dyn Write| -> io::Result<()> {
+            printed.lines().try_for_each(|line| writeln!(out, "{line}"))
         };
         answer(out, &report(all), self.json, told).map_err(|refused| CliError::refused(&self.data[0], refused))
     }
+}
+
+/// Whether a file holds impacts as `carom fit --velocities` reads them: JSON lines, or a table with velocities of joints.
+fn is_own(path: &Path) -> bool {
+    let ends = |ending: &str| path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
+    let table = || {
+        let header = csv::Reader::from_path(path).and_then(|mut reader| reader.headers().cloned());
+        header.is_ok_and(|header| header.iter().any(|name| name.trim().starts_with("qd_plus.")))
+    };
+    path == Path::new("-") || ends("jsonl") || ends("json") || (ends("csv") && table())
 }

@@ -1,7 +1,7 @@
 //! `carom consistency`: whether measured restitutions and energies can come from a frictionless impact.
 
 use crate::error::CliError;
-use crate::files;
+use crate::files::{self, Kind, Outputs};
 use crate::output::{answer, write_whole};
 use carom_evidence::consistency::{Findings, consistency, print, read_measured, v_plot};
 use clap::Args;
@@ -36,9 +36,9 @@ pub struct ConsistencyCommand {
     /// Half-width of the rounding of every number [default: half a unit of its last digit]
     #[arg(long, value_name = "HALF", allow_hyphen_values = true)]
     rounding: Option<f64>,
-    /// Draw Y over cot α with the best fit of each row (SVG)
-    #[arg(long, value_name = "X.svg")]
-    svg: Option<PathBuf>,
+    /// Draw Y over cot α with the best fit of each row (.svg)
+    #[arg(long, alias = "svg", value_name = "FILE")]
+    out: Option<PathBuf>,
     /// Print one line of JSON instead of text
     #[arg(long)]
     json: bool,
@@ -51,11 +51,12 @@ struct Report {
 
 impl ConsistencyCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
-        files::check(std::slice::from_ref(&self.table), &[("--svg", self.svg.as_deref())])?;
+        let outputs = Outputs::of(self.out.as_slice(), &[Kind::Picture])?;
+        files::check(std::slice::from_ref(&self.table), &outputs.files())?;
         let rows = read_measured(&self.table, self.rounding)?;
         let report = Report { rows: rows.iter().map(consistency).collect() };
         // Written before the answer: if the picture cannot be written, nothing is printed.
-        if let Some(path) = &self.svg {
+        if let Some(path) = &outputs.picture {
             let svg = v_plot(&report.rows).map_err(|e| CliError::Option(format!("{}: {e}", self.table.display())))?;
             write_whole(path, &svg)?;
         }

@@ -39,6 +39,77 @@ pub fn check(reads: &[PathBuf], writes: &[(&str, Option<&Path>)]) -> Result<(), 
     taken.iter().try_for_each(|(_, path, _)| Part::unique(path).map(drop).map_err(|reason| unwritable(path, reason)))
 }
 
+/// The files of `--out` by what they hold: the ending of a name says it.
+#[derive(Default)]
+pub struct Outputs {
+    /// Tables: .csv, .parquet, or - for CSV on standard output.
+    pub tables: Vec<PathBuf>,
+    /// Picture: .svg.
+    pub picture: Option<PathBuf>,
+    /// Recording: .rrd.
+    pub recording: Option<PathBuf>,
+}
+
+/// What an output of a command holds.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Kind {
+    Table,
+    Picture,
+    Recording,
+}
+
+impl Kind {
+    /// Its name in messages, and the endings of its files.
+    fn named(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            Self::Table => ("table", &["csv", "parquet"]),
+            Self::Picture => ("picture", &["svg"]),
+            Self::Recording => ("recording", &["rrd"]),
+        }
+    }
+}
+
+impl Outputs {
+    /// Sorts the files of `--out` of a command that writes these kinds.
+    ///
+    /// # Errors
+    /// [`CliError::Option`]: another ending, or a second picture or recording.
+    pub fn of(files: &[PathBuf], kinds: &[Kind]) -> Result<Self, CliError> {
+        let mut all = Self::default();
+        for path in files {
+            let refuse = |why: String| Err(CliError::Option(format!("--out {}: {why}", path.display())));
+            let ending = path.extension().map(|it| it.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+            let kind = kinds.iter().find(|kind| {
+                let printed = **kind == Kind::Table && path == Path::new("-");
+                printed || kind.named().1.contains(&ending.as_str())
+            });
+            let (what, slot) = match kind {
+                Some(Kind::Table) => {
+                    all.tables.push(path.clone());
+                    continue;
+                }
+                Some(Kind::Picture) => ("picture", &mut all.picture),
+                Some(Kind::Recording) => ("recording", &mut all.recording),
+                None => {
+                    let one = |kind: &Kind| format!(".{} for a {}", kind.named().1.join(" or ."), kind.named().0);
+                    let known = kinds.iter().map(one).collect::<Vec<_>>().join(", ");
+                    return refuse(format!("the ending of the name says what is written: {known}"));
+                }
+            };
+            if let Some(other) = slot.replace(path.clone()) {
+                return refuse(format!("--out {} is a {what} too: give one", other.display()));
+            }
+        }
+        Ok(all)
+    }
+
+    /// All files that are written, for [`check`].
+    pub fn files(&self) -> Vec<(&'static str, Option<&Path>)> {
+        let tables = self.tables.iter().filter(|path| *path != Path::new("-"));
+        tables.chain(&self.picture).chain(&self.recording).map(|path| ("--out", Some(path.as_path()))).collect()
+    }
+}
+
 /// Refuses a folder for outputs that is a file or whose parent does not exist; the folder itself may be missing.
 pub fn check_folder(option: &str, path: &Path) -> Result<(), CliError> {
     if path.is_dir() {

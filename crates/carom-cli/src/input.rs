@@ -202,7 +202,7 @@ pub fn for_each_line<T: DeserializeOwned>(
 }
 
 /// The message of serde without its line number, which counts within this one line and is always 1.
-fn shorten(error: &serde_json::Error) -> String {
+pub fn shorten(error: &serde_json::Error) -> String {
     let text = error.to_string().replace(" at line 1 column ", " at column ");
     shortened(&text, MESSAGE).into_owned()
 }
@@ -334,7 +334,7 @@ fn permute(order: &[usize], theirs: &[f64]) -> Vec<f64> {
 #[derive(clap::Args)]
 pub struct StateArgs {
     /// Link of the contact point
-    #[arg(long, value_name = "LINK")]
+    #[arg(long, visible_alias = "frame", value_name = "LINK")]
     pub tip: String,
     /// Contact point in the axes of the link, m
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = parse_vector, allow_hyphen_values = true)]

@@ -1,7 +1,7 @@
 //! `carom law`: impact laws on given Delassus matrices and contact velocities.
 
 use crate::error::{CliError, LineError, Refused};
-use crate::files;
+use crate::files::{self, Kind, Outputs};
 use crate::input::{check_coefficients, for_each_line, within};
 use crate::output::{answer, row, say, short, write_whole};
 use crate::record::{Record, record_diagrams};
@@ -10,17 +10,26 @@ use carom_impact::{
 };
 use carom_study::{Diagram, LawPoint, hodograph, impulse_space, routh_diagram};
 use clap::Args;
-use clap::builder::{PossibleValue, PossibleValuesParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// The values of an option that takes a law, each with its description.
-pub fn laws(all: bool) -> PossibleValuesParser {
-    let all = all.then_some(("all", "every law; those without an answer are listed with the reason"));
-    let own = LAWS.into_iter().map(|law| (law.name, law.summary));
-    PossibleValuesParser::new(own.chain(all).map(|(law, summary)| PossibleValue::new(law).help(summary)))
+/// The values of an option that takes a law, each with its description. An alias is read as the name of its law.
+pub fn laws(all: bool) -> impl TypedValueParser<Value = String> {
+    let all =
+        all.then(|| PossibleValue::new("all").help("every law; those without an answer are listed with the reason"));
+    let own = LAWS.into_iter().map(|law| {
+        let also = match law.aliases {
+            [] => String::new(),
+            [one] => format!(" [alias: {one}]"),
+            all => format!(" [aliases: {}]", all.join(", ")),
+        };
+        PossibleValue::new(law.name).help(format!("{}{also}", law.summary)).aliases(law.aliases)
+    });
+    let name = |given: String| LawInfo::named(&given).map_or(given, |law| law.name.to_owned());
+    PossibleValuesParser::new(own.chain(all)).map(name)
 }
 
 // Which law, with which coefficients.
@@ -33,10 +42,10 @@ pub struct LawArgs {
     ///
     /// The ratio of normal velocities, except for two laws: the ratio of normal impulses for
     /// poisson, the square root of the ratio of normal works for energetic.
-    #[arg(long, value_name = "E", allow_hyphen_values = true, verbatim_doc_comment)]
+    #[arg(long, visible_alias = "e", value_name = "E", allow_hyphen_values = true, verbatim_doc_comment)]
     pub restitution: f64,
     /// Coefficient of Coulomb friction, 0 or more
-    #[arg(long, value_name = "MU", default_value_t = 0.0, allow_hyphen_values = true)]
+    #[arg(long, visible_alias = "mu", value_name = "MU", default_value_t = 0.0, allow_hyphen_values = true)]
     pub friction: f64,
     /// Coefficient of tangential restitution, -1 to 1, of chatterjee-ruina only [default: 0]
     #[arg(long, value_name = "ET", allow_hyphen_values = true)]
@@ -152,14 +161,14 @@ pub struct LawCommand {
     /// robot, so an approach has u_n < 0. Empty lines are skipped.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     problems: PathBuf,
-    /// Draw the first problem and the answers of the laws (SVG)
+    /// Draw (.svg) or record (.rrd) the first problem with its answers; may be repeated
     ///
     /// In the plane, the Routh diagram: the plane of impulses with friction cone, lines of
     /// compression and sticking, energy ellipse, permissible region and every law's impulse. In
     /// space, the hodograph: the plane of slip velocities with the path of the slip, the
     /// invariant directions and every law's u⁺.
-    #[arg(long, value_name = "X.svg", verbatim_doc_comment)]
-    svg: Option<PathBuf>,
+    #[arg(long, alias = "svg", value_name = "FILE", verbatim_doc_comment)]
+    out: Vec<PathBuf>,
     #[command(flatten)]
     record: Record,
     /// Print one line of JSON for each line of input instead of a table
@@ -202,13 +211,14 @@ pub struct Branch {
 }
 
 impl LawCommand {
-    pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+    pub fn run(mut self, out: &mut dyn Write) -> Result<(), CliError> {
         let (plane, space) = (self.law.laws::<2>()?, self.law.laws::<3>()?);
-        self.record.check()?;
+        let outputs = Outputs::of(&self.out, &[Kind::Picture, Kind::Recording])?;
+        self.record.check(outputs.recording.as_deref())?;
         let reads: Vec<PathBuf> =
             (self.problems != Path::new("-")).then(|| self.problems.clone()).into_iter().collect();
-        files::check(&reads, &[("--svg", self.svg.as_deref()), ("--out", self.record.file())])?;
-        let mut drawn = self.svg.is_none() && !self.record.is_asked();
+        files::check(&reads, &outputs.files())?;
+        let mut drawn = outputs.picture.is_none() && !self.record.is_asked();
         let mut drawing = None;
         for_each_line(&self.problems, out, |problem: Problem, _, out| {
             let first = !std::mem::replace(&mut drawn, true);
@@ -245,7 +255,7 @@ impl LawCommand {
             if self.record.is_asked() {
                 record_diagrams(&self.record, plane, space.as_ref(), words)?;
             }
-            self.svg.as_ref().map_or(Ok(()), |path| write_whole(path, svg))?;
+            outputs.picture.as_ref().map_or(Ok(()), |path| write_whole(path, svg))?;
         }
         if drawn {
             return Ok(());

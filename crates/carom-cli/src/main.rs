@@ -10,6 +10,7 @@
 
 mod chart;
 mod compare;
+mod completions;
 mod consistency;
 mod dynamics;
 mod error;
@@ -33,9 +34,10 @@ mod stress;
 mod survey;
 mod tosses;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::io::{self, Write};
 use std::process::ExitCode;
+use std::sync::atomic::Ordering;
 
 /// Impacts of kinematic chains: qd⁺ = qd⁻ + M⁻¹ Jᵀ p
 ///
@@ -52,6 +54,9 @@ use std::process::ExitCode;
     after_help = AFTER_HELP
 )]
 struct Cli {
+    /// Print no warnings on standard error
+    #[arg(long, global = true, display_order = 998)]
+    quiet: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -68,11 +73,28 @@ Exit status:
      the value and the rule. Commands that read one problem per line (dynamics, impact, law) have
      then written the answers to all lines before the refused one.
   2  Wrong command line.
-A file that an option names is complete or not there: it is written beside its place and renamed.
-Warnings are lines `warning: …` on standard error.";
+
+Files:
+  --out FILE writes what the ending of the name says: .csv or .parquet a table, .svg a picture, .rrd
+  a recording for the Rerun viewer; the help of a command lists what it writes. As the name of a
+  table, - is CSV on standard output, in place of the answer. Commands that write several files
+  have --out FOLDER.
+  A file that an option names is complete or not there: it is written beside its place and renamed.
+
+Warnings are lines `warning: …` on standard error; --quiet leaves them out.";
 
 #[derive(Subcommand)]
+#[allow(clippy::large_enum_variant)] // there is one value
 enum Command {
+    #[command(flatten)]
+    Use(Use),
+    #[command(flatten)]
+    Evidence(Evidence),
+}
+
+/// Commands on the user's robots, scenes and measurements, in the order of the help.
+#[derive(Subcommand)]
+enum Use {
     Inspect(inspect::Inspect),
     Dynamics(dynamics::Dynamics),
     Impact(impact::Impact),
@@ -80,33 +102,70 @@ enum Command {
     Map(map::MapCommand),
     Plan(plan::PlanCommand),
     Simulate(simulate::Simulate),
+    Tosses(tosses::TossesCommand),
+    Fit(fit::FitCommand),
+    Compare(compare::CompareCommand),
+    Completions(completions::Completions),
+}
+
+/// Commands that test laws and methods against theory and publications.
+#[derive(Subcommand)]
+enum Evidence {
     Chart(chart::ChartCommand),
     Stress(stress::StressCommand),
     Paper(paper::PaperCommand),
     Consistency(consistency::ConsistencyCommand),
-    Tosses(tosses::TossesCommand),
-    Fit(fit::FitCommand),
-    Compare(compare::CompareCommand),
+}
+
+/// The command line, whose help lists the subcommands in two groups; clap itself has no headings for subcommands.
+fn command_line() -> clap::Command {
+    let mut command = Cli::command();
+    command.build(); // adds `help`
+    let evidence = Evidence::augment_subcommands(clap::Command::new(""));
+    let evidence: Vec<&str> = evidence.get_subcommands().map(clap::Command::get_name).collect();
+    let (header, literal) = (command.get_styles().get_header(), command.get_styles().get_literal());
+    let width = command.get_subcommands().map(|one| one.get_name().len()).max().unwrap_or_default();
+    let group = |title: &str, in_group: &dyn Fn(&str) -> bool| {
+        let mut text = format!("{header}{title}:{header:#}\n");
+        for one in command.get_subcommands().filter(|one| in_group(one.get_name())) {
+            let (name, about) = (one.get_name(), one.get_about().map(ToString::to_string).unwrap_or_default());
+            text += &format!("  {literal}{name:width$}{literal:#}  {about}\n");
+        }
+        text
+    };
+    let used = group("Commands", &|name| !evidence.contains(&name));
+    let tests = group("Commands that test laws and methods", &|name| evidence.contains(&name));
+    let template = format!(
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{used}\n{tests}\n{header}Options:{header:#}\n{{options}}{{after-help}}"
+    );
+    Cli::command().help_template(template)
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let mut command = command_line();
+    let cli = Cli::from_arg_matches(&command.get_matches_mut()).unwrap_or_else(|e| e.format(&mut command).exit());
+    output::QUIET.store(cli.quiet, Ordering::Relaxed);
     let stdout = &mut output::PlainLines(io::stdout().lock());
     let done = match cli.command {
-        Command::Inspect(command) => command.run(stdout),
-        Command::Dynamics(command) => command.run(stdout),
-        Command::Impact(command) => command.run(stdout),
-        Command::Law(command) => command.run(stdout),
-        Command::Map(command) => command.run(stdout),
-        Command::Plan(command) => command.run(stdout),
-        Command::Simulate(command) => command.run(stdout),
-        Command::Chart(command) => command.run(stdout),
-        Command::Stress(command) => command.run(stdout),
-        Command::Paper(command) => command.run(stdout),
-        Command::Consistency(command) => command.run(stdout),
-        Command::Tosses(command) => command.run(stdout),
-        Command::Fit(command) => command.run(stdout),
-        Command::Compare(command) => command.run(stdout),
+        Command::Use(command) => match command {
+            Use::Inspect(command) => command.run(stdout),
+            Use::Dynamics(command) => command.run(stdout),
+            Use::Impact(command) => command.run(stdout),
+            Use::Law(command) => command.run(stdout),
+            Use::Map(command) => command.run(stdout),
+            Use::Plan(command) => command.run(stdout),
+            Use::Simulate(command) => command.run(stdout),
+            Use::Tosses(command) => command.run(stdout),
+            Use::Fit(command) => command.run(stdout),
+            Use::Compare(command) => command.run(stdout),
+            Use::Completions(command) => command.run(command_line()),
+        },
+        Command::Evidence(command) => match command {
+            Evidence::Chart(command) => command.run(stdout),
+            Evidence::Stress(command) => command.run(stdout),
+            Evidence::Paper(command) => command.run(stdout),
+            Evidence::Consistency(command) => command.run(stdout),
+        },
     };
     match done.and_then(|()| Ok(stdout.flush()?)) {
         Ok(()) => ExitCode::SUCCESS,

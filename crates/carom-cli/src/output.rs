@@ -8,8 +8,10 @@ use serde_json::Value;
 use serde_json::ser::{CompactFormatter, Formatter};
 use std::borrow::Cow;
 use std::fmt;
-use std::io::{self, Write};
-use std::path::Path;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Writes one answer: as a line of JSON, or as text by `for_people`.
 ///
@@ -73,6 +75,56 @@ pub fn write_whole(path: &Path, text: &str) -> Result<(), CliError> {
     carom_study::write_whole(path, text.as_bytes()).map_err(unwritable)
 }
 
+/// A table whose name is `-`: it is printed as CSV in place of the answer, when it is complete.
+pub struct Printed(Option<(tempfile::TempDir, PathBuf)>);
+
+impl Printed {
+    /// Whether one of the tables is `-`.
+    ///
+    /// # Errors
+    /// [`CliError::Option`] if two tables, or a table and the answer in JSON, would be mixed.
+    pub fn of<'a>(tables: impl Iterator<Item = &'a Path>, json: bool) -> Result<Self, CliError> {
+        let asked = tables.filter(|path| *path == Path::new("-")).count();
+        if asked == 0 {
+            return Ok(Self(None));
+        }
+        if asked > 1 || json {
+            let other = if json { "the answer of --json" } else { "another table" };
+            return Err(CliError::Option(format!("-: standard output has {other}: give the table the name of a file")));
+        }
+        let folder = tempfile::tempdir()?;
+        let file = folder.path().join("table.csv");
+        Ok(Self(Some((folder, file))))
+    }
+
+    /// Whether a table is printed.
+    pub fn is_asked(&self) -> bool {
+        self.0.is_some()
+    }
+
+    /// Where a table is written: its own name, or that of the temporary file.
+    pub fn place<'a>(&'a self, table: &'a Path) -> &'a Path {
+        self.0.as_ref().map_or(table, |(_, file)| if table == Path::new("-") { file } else { table })
+    }
+
+    /// Keeps the temporary folder for an error that names a partial table in it.
+    pub fn keep<R>(self, result: R) -> R {
+        if let Some((folder, _)) = self.0 {
+            let _ = folder.keep();
+        }
+        result
+    }
+
+    /// Prints the table that has been written.
+    pub fn print(&self, out: &mut dyn Write) -> Result<(), CliError> {
+        let Some((_, file)) = &self.0 else { return Ok(()) };
+        for line in BufReader::new(File::open(file)?).lines() {
+            writeln!(out, "{}", line?)?;
+        }
+        Ok(())
+    }
+}
+
 /// Makes a folder if it is missing.
 pub fn make_folder(path: &Path) -> Result<(), CliError> {
     if path.is_dir() {
@@ -128,8 +180,14 @@ impl<W: Write> Write for PlainLines<W> {
     }
 }
 
-/// Writes one line of bounded length to standard error; errors of writing are ignored.
+/// Whether warnings are left out (`--quiet`).
+pub static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// Writes one line of bounded length to standard error, unless it is a warning and they are left out; errors of writing are ignored.
 pub fn say(text: &str) {
+    if QUIET.load(Ordering::Relaxed) && text.starts_with("warning: ") {
+        return;
+    }
     let _ = writeln!(io::stderr(), "{}", plain(&shortened(text, 2 * MESSAGE)));
 }
 

@@ -11,12 +11,12 @@ use std::path::{Path, PathBuf};
 #[derive(Args)]
 #[group(multiple = false)]
 pub struct Record {
-    /// Write a recording for the Rerun viewer
-    ///
-    /// This and the next two options need a carom that is built with the feature `rerun`.
-    #[arg(long, value_name = "X.rrd")]
+    /// The file of a recording, an `--out`.
+    #[arg(skip)]
     out: Option<PathBuf>,
     /// Record into a running Rerun viewer [default URL: rerun+http://127.0.0.1:9876/proxy]
+    ///
+    /// Recordings need a carom that is built with the feature `rerun`.
     #[arg(long, value_name = "URL")]
     #[allow(clippy::option_option)] // clap's type for an option whose value is optional
     connect: Option<Option<String>>,
@@ -31,18 +31,18 @@ impl Record {
         self.out.is_some() || self.connect.is_some() || self.spawn
     }
 
-    /// Refuses a recording in a build without the feature `rerun`.
-    pub fn check(&self) -> Result<(), CliError> {
+    /// Takes the file of `--out`, and refuses two destinations, or any in a build without the feature `rerun`.
+    pub fn check(&mut self, file: Option<&Path>) -> Result<(), CliError> {
+        self.out = file.map(Path::to_owned);
+        if let (Some(file), true) = (file, self.connect.is_some() || self.spawn) {
+            let why = "a recording has one destination: leave out --connect and --spawn, or this file";
+            return Err(CliError::Option(format!("--out {}: {why}", file.display())));
+        }
         if self.is_asked() && !cfg!(feature = "rerun") {
             Err(without("--out, --connect and --spawn need"))
         } else {
             Ok(())
         }
-    }
-
-    /// The file that is written, if the destination is a file.
-    pub fn file(&self) -> Option<&Path> {
-        self.out.as_deref()
     }
 
     #[cfg(feature = "rerun")]
@@ -74,7 +74,8 @@ pub fn record_diagrams(
 /// Refuses: this build has no recordings.
 #[cfg(not(feature = "rerun"))]
 pub fn record_diagrams(asked: &Record, _: &Diagram<2>, _: Option<&Diagram<3>>, _: &str) -> Result<(), CliError> {
-    asked.check()
+    let _ = asked;
+    Err(without("--out, --connect and --spawn need"))
 }
 
 /// The refusal in a build without recordings; `who` ends in its verb.
@@ -138,7 +139,7 @@ pub enum Recorder {}
 #[cfg(not(feature = "rerun"))]
 impl Recorder {
     pub fn begin(asked: &Record, _: &Scene, _: &Plan) -> Result<Option<Self>, CliError> {
-        asked.check().map(|()| None)
+        if asked.is_asked() { Err(without("--out, --connect and --spawn need")) } else { Ok(None) }
     }
 
     pub fn see(&mut self, _: Seen) {

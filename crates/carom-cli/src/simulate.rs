@@ -1,14 +1,15 @@
 //! `carom simulate`: simulation of a scene.
 
 use crate::error::CliError;
-use crate::files;
+use crate::files::{self, Kind, Outputs};
 use crate::from_state;
-use crate::output::{answer, say, short};
+use crate::output::{Printed, answer, say, short};
 use crate::plan::moving_joints;
 use crate::record::{Record, Recorder};
 use crate::runs;
 use crate::scene::load;
 use crate::sensitivity::{self, Sensitivity};
+use carom_impact::Mode;
 use carom_sim::{
     AtContact, ContactMode, ContactState, EnergyBooks, Moment, NamedEvent, Sampling, Seen, Statistics, StopReason,
     Summary, UnderLaw,
@@ -28,7 +29,9 @@ const SAMPLE: f64 = 0.004;
 /// coefficients, the controller and the duration.
 /// Output: the events in order of time (impact, limit, mode changes, lift-off, rest …), each with
 /// its time (s), the contact and, for an impact, u⁻, u⁺ (m/s) in world axes, the size of the impulse
-/// (N s) and the mode; the final q and qd; the energy balance (J); the work of the integrator.
+/// (N s) and the slip at its end (no slip, slip, reverse-slip; in JSON the mode); for an impact at
+/// several contacts the size of each impulse, and qd before and after it; the final q and qd; the
+/// energy balance (J); the work of the integrator. Events of one kind and time are one row.
 /// JSON keys:
 ///   joints, stop_reason (duration, events), mode (of contact at the end);
 ///   events [{time, kind, contact, contacts (of several), reason, flags, q, qd_minus, qd_plus, impact,
@@ -51,23 +54,21 @@ pub struct Simulate {
     /// Scene (TOML file)
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// Write the motion as a CSV table: time (s), q, qd
+    /// Write the motion as a table (.csv, .parquet) or a recording (.rrd); may be repeated
     ///
     /// Sampled at the interval `[run] sample` of the scene, or every 0.004 s. Columns: time,
     /// q.<joint> (rad, m), qd.<joint> (rad/s, m/s); a joint with several coordinates has numbered
-    /// columns.
-    #[arg(long, value_name = "X.csv", verbatim_doc_comment)]
-    csv: Option<PathBuf>,
-    /// Write the same table as Parquet
-    #[arg(long, value_name = "X.parquet")]
-    parquet: Option<PathBuf>,
-    /// Write the lasting contacts as a table (X.csv or X.parquet): a row for each contact at each sample
+    /// columns. With - the table is on standard output as CSV, in place of the answer. A recording is
+    /// for the Rerun viewer.
+    #[arg(long, aliases = ["csv", "parquet"], value_name = "FILE", verbatim_doc_comment)]
+    out: Vec<PathBuf>,
+    /// Write the lasting contacts as a table (.csv, .parquet, -): a row for each contact at each sample
     ///
     /// Columns: time (s), contact (its name), mode (sliding, sticking, latched, pressing, stepping), point
     /// x, y, z (m) and unit normal nx, ny, nz from the environment to the robot in world axes, gap (m; rad),
     /// force on the robot fx, fy, fz (N, world axes) and its normal component (N; N m at a joint limit, where
     /// the vectors are zero), flags (non-unique: the motion depends on how forces are distributed).
-    #[arg(long, value_name = "X.csv|X.parquet", verbatim_doc_comment)]
+    #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     contacts: Option<PathBuf>,
     /// Start from this state instead of that of the scene
     ///
@@ -79,7 +80,7 @@ pub struct Simulate {
     from_state: Option<PathBuf>,
     /// Run N times from starts that `[run] perturb` disturbs; the table has a row for each run
     ///
-    /// Columns of --csv or --parquet: run (0: the start itself), outcome (duration, events,
+    /// Columns of --out: run (0: the start itself), outcome (duration, events,
     /// refused), impacts, first_impact (s), events; start.q.<joint>, start.qd.<joint>; end.time,
     /// end.q.<joint>, end.qd.<joint>; energy_start, energy_end, lost_in_impacts, energy_error (J).
     /// The runs use all processors; the table does not depend on their number.
@@ -145,32 +146,32 @@ fn statistics() -> String {
 }
 
 impl Simulate {
-    pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+    pub fn run(mut self, out: &mut dyn Write) -> Result<(), CliError> {
+        let outputs = Outputs::of(&self.out, &[Kind::Table, Kind::Recording])?;
+        self.record.check(outputs.recording.as_deref())?;
         let refuse = |e| CliError::scene(&self.scene, e);
-        self.record.check()?;
         let mut scene = load(&self.scene)?;
         if let Some(file) = &self.from_state {
             from_state::apply(file, &mut scene)?;
             scene.files.push(file.clone());
         }
-        let (csv, parquet) = (self.csv.as_deref(), self.parquet.as_deref());
-        files::check(
-            &scene.files,
-            &[
-                ("--csv", csv),
-                ("--parquet", parquet),
-                ("--contacts", self.contacts.as_deref()),
-                ("--out", self.record.file()),
-            ],
-        )?;
+        let contacts = self.contacts.as_deref();
+        let printed = Printed::of(outputs.tables.iter().map(PathBuf::as_path).chain(contacts), self.json)?;
+        let written =
+            [&outputs.files()[..], &[("--contacts", contacts.filter(|path| *path != Path::new("-")))]].concat();
+        files::check(&scene.files, &written)?;
+        let tables: Vec<&Path> = outputs.tables.iter().map(|path| printed.place(path)).collect();
         if let Some(runs) = self.runs {
-            if self.contacts.is_some() || self.record.is_asked() || (csv.is_some() && parquet.is_some()) {
-                let why = "--runs: write one table, with --csv or --parquet, without --contacts and recordings";
+            if contacts.is_some() || self.record.is_asked() || tables.len() > 1 {
+                let why = "--runs: write one table, with --out, without --contacts and recordings";
                 return Err(CliError::Option(why.into()));
             }
             let stop = files::interrupts();
             let plan = scene.plan().map_err(refuse)?;
-            return runs::run((&self.scene, &scene, &plan), (runs, &stop), csv.or(parquet), self.json, out);
+            let (table, nowhere) = (tables.first().copied(), &mut io::sink());
+            let answer: &mut dyn Write = if printed.is_asked() { nowhere } else { &mut *out };
+            let ran = runs::run((&self.scene, &scene, &plan), (runs, &stop), table, self.json, answer);
+            return if ran.is_ok() { printed.print(out) } else { printed.keep(ran) };
         }
         files::clear_when_interrupted();
         let plan = scene.plan().map_err(refuse)?;
@@ -178,8 +179,8 @@ impl Simulate {
             sensitivity::check(&self.scene, &plan)?;
         }
         let sim = &plan.simulation;
-        let mut states = Tables::begin([csv, parquet], &state_columns(&sim.chain), &scene.text)?;
-        let mut contacts = Tables::begin([self.contacts.as_deref()], &contact_columns(sim), &scene.text)?;
+        let mut states = Tables::begin(tables, &state_columns(&sim.chain), &scene.text)?;
+        let mut contacts = Tables::begin(contacts.map(|path| printed.place(path)), &contact_columns(sim), &scene.text)?;
         let mut recorder = Recorder::begin(&self.record, &scene, &plan)?;
         let sampled = [&states, &contacts].iter().any(|it| !it.tables.is_empty()) || recorder.is_some();
         let every = sampled.then(|| scene.sample.unwrap_or(SAMPLE));
@@ -207,6 +208,9 @@ impl Simulate {
         if let Some(recorder) = recorder {
             recorder.finish(&run)?;
         }
+        if printed.is_asked() {
+            return printed.print(out);
+        }
         let whole = Answer {
             joints: moving_joints(&plan),
             stop_reason: run.stop,
@@ -228,40 +232,67 @@ impl Simulate {
     }
 }
 
-/// Number of contacts of one event that are listed for people; `--json` has all.
+/// Number of contacts, or of joint velocities, of one event that are listed for people; `--json` has all.
 const LISTED: usize = 8;
 
+/// The first of a list, and how many more there are.
+fn listed(all: &[String], between: &str) -> String {
+    let shown = if all.len() > LISTED + 1 { LISTED } else { all.len() };
+    let more = if all.len() > shown { format!(" and {} more", all.len() - shown) } else { String::new() };
+    all[..shown].join(between) + &more
+}
+
+fn numbers(x: &[f64]) -> Vec<String> {
+    x.iter().map(|x| short(*x)).collect()
+}
+
+/// Whether two events in a row are one row: contacts that begin, end or accumulate at the same time.
+fn alike(a: &NamedEvent, b: &NamedEvent) -> bool {
+    let plain = |it: &NamedEvent| it.contact.is_some() && it.impact.is_none() && it.reason.is_none();
+    plain(a) && plain(b) && (a.time, a.kind) == (b.time, b.kind)
+}
+
+/// How the contact slips at the end of an impact: `stick` is what a ball without spin does, too, which does not stay.
+fn slips(mode: Mode) -> &'static str {
+    if mode == Mode::Stick { "no slip" } else { mode.name() }
+}
+
 fn for_people(events: &[NamedEvent], run: &Summary, out: &mut dyn Write) -> io::Result<()> {
-    for event in events {
-        let what = event.contact.or(event.reason).unwrap_or("");
-        let mut line = format!("{:>14} s  {:10} {what}", short(event.time), event.kind);
-        let names = &event.contacts;
-        if !names.is_empty() {
-            if event.reason.is_some() {
-                line += ": ";
-            }
-            let listed = if names.len() > LISTED + 1 { LISTED } else { names.len() };
-            line += &names[..listed].join(", ");
-            if names.len() > listed {
-                line += &format!(" and {} more", names.len() - listed);
-            }
+    for group in events.chunk_by(alike) {
+        let event = &group[0];
+        let mut line = format!("{:>14} s  {:10} {}", short(event.time), event.kind, event.reason.unwrap_or(""));
+        if event.reason.is_some() && !event.contacts.is_empty() {
+            line += ": ";
         }
+        let of = |name: &&str| {
+            let own = event.impulses.iter().filter(|it| it.contact == *name);
+            let size = own.map(|it| it.what.impulse.norm()).reduce(|a, b| a + b);
+            size.map_or((*name).to_owned(), |size| format!("{name} ({} N s)", short(size)))
+        };
+        let contacts: Vec<String> = if event.contacts.is_empty() {
+            group.iter().filter_map(|event| event.contact).map(str::to_owned).collect()
+        } else {
+            event.contacts.iter().map(of).collect()
+        };
+        line += &listed(&contacts, "; ");
         if !event.flags.is_empty() {
             line += &format!(": {}", event.flags.join(", "));
         }
         if let Some(UnderLaw { hit, .. }) = event.impact {
-            let [u_minus, u_plus] =
-                [hit.u_minus, hit.u_plus].map(|u| u.iter().map(|x| short(*x)).collect::<Vec<_>>().join(" "));
+            let [u_minus, u_plus] = [hit.u_minus, hit.u_plus].map(|u| numbers(u.as_slice()).join(" "));
             let impulse = short(hit.impulse.norm());
-            line += &format!(": u⁻ ({u_minus}), u⁺ ({u_plus}) m/s, impulse {impulse} N s, {}", hit.mode);
+            line += &format!(": u⁻ ({u_minus}), u⁺ ({u_plus}) m/s, impulse {impulse} N s, {}", slips(hit.mode));
         }
         writeln!(out, "{line}")?;
+        if !event.contacts.is_empty() && event.qd_minus != event.qd_plus {
+            let [before, after] = [event.qd_minus, event.qd_plus].map(|qd| listed(&numbers(qd), " "));
+            writeln!(out, "{:29}qd⁻ ({before}), qd⁺ ({after})", "")?;
+        }
     }
     let last = &run.last;
     writeln!(out, "{:>14} s  end ({}), {}", short(last.time), run.stop.name(), run.mode.name())?;
-    let numbers = |x: &[f64]| x.iter().map(|x| short(*x)).collect::<Vec<_>>().join(" ");
-    writeln!(out, "q  {}", numbers(&last.q))?;
-    writeln!(out, "qd {}", numbers(&last.qd))?;
+    writeln!(out, "q  {}", numbers(&last.q).join(" "))?;
+    writeln!(out, "qd {}", numbers(&last.qd).join(" "))?;
     let (e, s) = (run.energy, run.statistics);
     writeln!(
         out,
@@ -275,15 +306,11 @@ fn for_people(events: &[NamedEvent], run: &Summary, out: &mut dyn Write) -> io::
     )?;
     writeln!(
         out,
-        "{} events, {} steps, {} rejected, {} evaluations, {} steps with several contacts",
+        "{} events; {} steps of the integrator, {} rejected, {} evaluations; {} time steps",
         run.events, s.steps, s.rejections, s.evaluations, s.contact_steps
     )?;
     if s.step_error > 0.0 {
-        writeln!(
-            out,
-            "estimated error of the positions in the steps with several contacts: {} rad or m",
-            short(s.step_error)
-        )?;
+        writeln!(out, "estimated error of the positions in the time steps: {} rad or m", short(s.step_error))?;
     }
     if s.non_unique_time > 0.0 {
         writeln!(out, "the motion is not unique for {} s: see the events", short(s.non_unique_time))?;
@@ -306,12 +333,8 @@ struct Tables {
 }
 
 impl Tables {
-    fn begin<'a>(
-        paths: impl IntoIterator<Item = Option<&'a Path>>,
-        columns: &[Column],
-        scene: &str,
-    ) -> Result<Self, CliError> {
-        let tables = paths.into_iter().flatten().map(|path| Table::create_with(path, columns));
+    fn begin<'a>(paths: impl IntoIterator<Item = &'a Path>, columns: &[Column], scene: &str) -> Result<Self, CliError> {
+        let tables = paths.into_iter().map(|path| Table::create_with(path, columns));
         let mut tables = tables.collect::<Result<Vec<_>, _>>()?;
         tables.iter_mut().for_each(|table| table.describe(SCENE_KEY, scene));
         Ok(Self { tables, failed: None })

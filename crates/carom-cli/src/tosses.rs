@@ -44,10 +44,10 @@ pub struct TossesCommand {
     #[arg(long, value_parser = laws(false), default_value = "whittaker")]
     law: String,
     /// Coefficient of restitution, 0 to 1
-    #[arg(long, value_name = "E", default_value_t = 0.0, allow_hyphen_values = true)]
+    #[arg(long, visible_alias = "e", value_name = "E", default_value_t = 0.0, allow_hyphen_values = true)]
     restitution: f64,
     /// Coefficient of Coulomb friction, 0 or more
-    #[arg(long, value_name = "MU", default_value_t = 0.3, allow_hyphen_values = true)]
+    #[arg(long, visible_alias = "mu", value_name = "MU", default_value_t = 0.3, allow_hyphen_values = true)]
     friction: f64,
     /// Coefficient of tangential restitution, -1 to 1, of chatterjee-ruina only [default: 0]
     #[arg(long, value_name = "ET", allow_hyphen_values = true)]

@@ -126,7 +126,7 @@ fn columns_of_a_chart_and_of_the_paper_are_those_of_the_page() {
 fn help_of_every_command_is_on_the_page() {
     let (page, desk) = (page("reference-cli.md"), folder());
     let general = carom(&desk, "--help");
-    let commands = general.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    let commands = general.lines().skip_while(|line| *line != "Commands:").take_while(|line| *line != "Options:");
     let names: Vec<&str> = commands
         .filter(|line| line.starts_with("  ") && !line.starts_with("   "))
         .filter_map(|line| line.split_whitespace().next())

@@ -128,7 +128,7 @@ macro_rules! class {
 
 /// The classes of the laws, and the function that adds them to the module.
 macro_rules! classes {
-    ($($(#[$doc:meta])* $name:literal $class:ident { restitution $(, $more:ident)* } $summary:literal;)*) => {
+    ($($(#[$doc:meta])* $name:literal $(| $alias:literal)* $class:ident { restitution $(, $more:ident)* } $summary:literal;)*) => {
         $(class! { $(#[$doc])* $class $($more)* })*
 
         type BrachTowardsRest = BrachLaw;

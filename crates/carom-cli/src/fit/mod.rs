@@ -4,11 +4,13 @@ mod read;
 mod report;
 
 use crate::error::CliError;
-use crate::input::{LoadArgs, RobotArgs, parse_vector, tell};
-use crate::law::laws;
+use crate::input::{LoadArgs, parse_vector, tell};
+use crate::law::{Refusal, laws};
 use crate::output::answer;
 use crate::tosses::start;
-use carom_study::fit::{Fit, FitError, FitOptions, Joined, Loss, fit_trajectories, fit_velocities};
+use carom_chain::Chain;
+use carom_impact::LAW_NAMES;
+use carom_study::fit::{Fit, FitError, FitOptions, Joined, Loss, MeasuredImpact, fit_trajectories, fit_velocities};
 use carom_study::{Horizon, RollOutOptions, Tosses};
 use clap::{Args, builder::PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -18,7 +20,8 @@ use std::path::{Path, PathBuf};
 /// Fit coefficients of restitution and friction to recorded impacts
 ///
 /// Minimises the error of the law's predictions over restitution (0 to 1), friction (0 to
-/// --max-friction) and, with --inertia, the scale of rotational inertia (0.5 to 2).
+/// --max-friction; frictionless has none) and, with --inertia, the scale of rotational inertia
+/// (0.5 to 2). All data are fitted unless --train says otherwise.
 ///
 /// Input: one of --velocities, --flights and --tosses. The three kinds of data give different
 /// coefficients; the output names the kind.
@@ -31,7 +34,8 @@ use std::path::{Path, PathBuf};
 ///   [{name, value, low, high, interval}], train and test {count, mean, median, below_half,
 ///   whole_mean, whole_median, early_mean, early_median, least_in_cone, least},
 ///   flights {joined, rest (m), deviation (m/s), outliers [{number, time}], left_out}, notes,
-///   trials, each [{number, trained, error, whole, early, least_in_cone, least}].
+///   trials, each [{number, trained, error, whole, early, least_in_cone, least}]; with --law all
+///   fits [these keys of each law, least error first] and refused [{law, reason}].
 /// All lines are read before the fit: if one is refused, nothing is printed, and the exit status
 /// is 1.
 #[derive(Args)]
@@ -40,31 +44,13 @@ use std::path::{Path, PathBuf};
 pub struct FitCommand {
     #[command(flatten)]
     source: Source,
-    /// Robot (URDF file); for a folder of tosses, its name in the folder [default: the only one]
-    #[arg(long, value_name = "ROBOT.urdf")]
-    robot: Option<PathBuf>,
-    /// Add a floating joint between the world and the root link; always so for folders of tosses
-    #[arg(long)]
-    floating: bool,
     #[command(flatten)]
-    load: LoadArgs,
-    /// Order of the joints in q and qd [default: the order of the file]
-    #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
-    joints: Option<Vec<String>>,
-    /// Link of the contact point [default for flights: the lowest point of the collision shapes]
-    #[arg(long, value_name = "LINK")]
-    tip: Option<String>,
-    /// Contact point in the axes of the link, m; "point" of a line replaces it
-    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = parse_vector, allow_hyphen_values = true)]
-    point: [f64; 3],
-    /// Surface normal in world axes, from the environment to the robot
-    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,1", value_parser = parse_vector, allow_hyphen_values = true)]
-    normal: [f64; 3],
+    at: AtRobot,
     /// Acceleration of gravity in flights, world axes, m/s²
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,-9.81", value_parser = parse_vector, allow_hyphen_values = true)]
     gravity: [f64; 3],
-    /// Impact law; any but frictionless
-    #[arg(long, value_parser = laws(false), default_value = "energetic")]
+    /// Impact law; all fits every law and prints one table, least error first
+    #[arg(long, value_parser = laws(true), default_value = "energetic")]
     law: String,
     /// Fit the scale of rotational inertia as well, from 0.5 to 2; needs a robot
     #[arg(long)]
@@ -76,7 +62,10 @@ pub struct FitCommand {
     #[arg(long, value_name = "MU", default_value_t = 1.0, allow_hyphen_values = true)]
     max_friction: f64,
     /// Share of the impacts or tosses that is fitted, above 0, at most 1; the rest is the test
-    #[arg(long, value_name = "SHARE", default_value_t = 0.5, allow_hyphen_values = true)]
+    ///
+    /// With a test the error is that of predictions, which compares laws fairly. `carom compare` does
+    /// so with every impact in turn.
+    #[arg(long, value_name = "SHARE", default_value_t = 1.0, verbatim_doc_comment, allow_hyphen_values = true)]
     train: f64,
     /// Seed of the split into train and test, and of the bootstrap
     #[arg(long, default_value_t = 0)]
@@ -105,15 +94,42 @@ pub struct FitCommand {
     json: bool,
 }
 
+// The robot of measured impacts, and their contact.
+#[derive(Args)]
+pub struct AtRobot {
+    /// Robot (URDF file); for a folder of tosses, its name in the folder [default: the only one]
+    #[arg(long, value_name = "ROBOT.urdf")]
+    pub robot: Option<PathBuf>,
+    /// Add a floating joint between the world and the root link; always so for folders of tosses
+    #[arg(long)]
+    floating: bool,
+    #[command(flatten)]
+    pub load: LoadArgs,
+    /// Order of the joints in q and qd of JSON lines [default: the order of the file]
+    #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
+    joints: Option<Vec<String>>,
+    /// Link of the contact point [default for flights: the lowest point of the collision shapes]
+    #[arg(long, visible_alias = "frame", value_name = "LINK")]
+    pub tip: Option<String>,
+    /// Contact point in the axes of the link, m; "point" of a line replaces it
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = parse_vector, allow_hyphen_values = true)]
+    point: [f64; 3],
+    /// Surface normal in world axes, from the environment to the robot
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,1", value_parser = parse_vector, allow_hyphen_values = true)]
+    normal: [f64; 3],
+}
+
 // The recorded data.
 #[derive(Args)]
 #[group(required = true, multiple = false)]
 struct Source {
-    /// Velocities before and after impacts, one JSON object per line; - is standard input
+    /// Velocities before and after impacts: JSON lines (- is standard input), or a CSV table
     ///
     /// {"delassus":[[…],…],"u_minus":[…],"u_plus":[…]} (1/kg, m/s) in contact axes, tangents
     /// first, normal last; or, with --robot and --tip, {"q":[…],"qd_minus":[…],"qd_plus":[…]}, to
-    /// which "point":[x,y,z] (m) may be added.
+    /// which "point":[x,y,z] (m) may be added, or what `carom impact --json` prints for one law.
+    /// "qd" is read as "qd_minus". A table (.csv) has the columns q.<joint>, qd_minus.<joint>,
+    /// qd_plus.<joint> in any order and, if wanted, point.x, point.y, point.z; others are not read.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     velocities: Option<PathBuf>,
     /// Poses in the flights before and after impacts, one JSON object per line, or a folder
@@ -153,24 +169,19 @@ impl Flights {
     }
 }
 
+/// What is fitted.
+enum Data {
+    Impacts(Vec<MeasuredImpact>, Option<Chain>),
+    Tosses(Tosses, RollOutOptions),
+}
+
 impl FitCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
-        let loss = if self.loss == "squares" { Loss::Squares } else { Loss::Huber };
-        let options = FitOptions {
-            law: &self.law,
-            loss,
-            inertia: self.inertia,
-            max_friction: self.max_friction,
-            train: self.train,
-            seed: self.seed,
-            confidence: self.confidence,
-        };
         let Source { velocities, flights, tosses } = &self.source;
         let mut told = Flights::default();
         let path = velocities.as_deref().or(flights.as_deref()).or(tosses.as_deref()).unwrap_or(Path::new("-"));
         let refuse = |e: FitError| CliError::Option(format!("{}: {e}", name(path)));
-        let fit = if tosses.is_some() {
-            let tosses = self.tosses(path)?;
+        let data = if tosses.is_some() {
             let roll = RollOutOptions {
                 tolerance: self.tolerance,
                 contact_step: self.contact_step,
@@ -179,11 +190,10 @@ impl FitCommand {
                 horizon: if self.horizon == Horizon::Early.name() { Horizon::Early } else { Horizon::Whole },
                 ..RollOutOptions::default()
             };
-            let bar = Bar::new("trials");
-            fit_trajectories(&tosses, &options, &roll, &|done, all| bar.tell(done, all)).map_err(refuse)?
+            Data::Tosses(self.tosses(path)?, roll)
         } else {
             let (impacts, chain) = if velocities.is_some() {
-                self.jumps(path)?
+                self.at.jumps(path)?
             } else if path.is_dir() {
                 let tosses = self.tosses(path)?;
                 let bar = Bar::new("flights");
@@ -193,27 +203,57 @@ impl FitCommand {
                 let bar = Bar::new("flights");
                 self.flights(path, &mut told, &|done, all| bar.tell(done, all))?
             };
-            let bar = Bar::new("parts");
-            let mut fit =
-                fit_velocities(&impacts, chain.as_ref(), &options, &|done, all| bar.tell(done, all)).map_err(refuse)?;
-            number(&mut fit, &told.numbers);
-            fit
+            Data::Impacts(impacts, chain)
         };
-        let report = report::Report::new(&fit, &told, &self);
-        answer(out, &report, self.json, report::for_people).map_err(|refused| CliError::refused(path, refused))
+        if self.law != "all" {
+            let fit = self.fit(&self.law, &data, &told).map_err(refuse)?;
+            let report = report::Report::new(&fit, &told, &self);
+            return answer(out, &report, self.json, report::for_people).map_err(|e| CliError::refused(path, e));
+        }
+        let (mut fits, mut refused) = (Vec::new(), Vec::new());
+        for law in LAW_NAMES {
+            match self.fit(law, &data, &told) {
+                Ok(fit) => fits.push(fit),
+                // all other errors hold for every law
+                Err(FitError::Refused(reason)) => refused.push(Refusal { law, reason }),
+                Err(e) => return Err(refuse(e)),
+            }
+        }
+        let all = report::All::new(fits.iter().map(|fit| report::Report::new(fit, &told, &self)).collect(), refused);
+        answer(out, &all, self.json, report::table).map_err(|e| CliError::refused(path, e))
+    }
+
+    /// The fit of one law.
+    fn fit(&self, law: &str, data: &Data, told: &Flights) -> Result<Fit, FitError> {
+        let options = FitOptions {
+            law,
+            loss: if self.loss == "squares" { Loss::Squares } else { Loss::Huber },
+            inertia: self.inertia,
+            max_friction: self.max_friction,
+            train: self.train,
+            seed: self.seed,
+            confidence: self.confidence,
+        };
+        match data {
+            Data::Tosses(tosses, roll) => {
+                let bar = Bar::new("trials");
+                fit_trajectories(tosses, &options, roll, &|done, all| bar.tell(done, all))
+            }
+            Data::Impacts(impacts, chain) => {
+                let bar = Bar::new("parts");
+                let mut fit = fit_velocities(impacts, chain.as_ref(), &options, &|done, all| bar.tell(done, all))?;
+                number(&mut fit, &told.numbers);
+                Ok(fit)
+            }
+        }
     }
 
     fn tosses(&self, folder: &Path) -> Result<Tosses, CliError> {
-        let robot = self.robot.as_deref().map(Path::to_string_lossy);
-        let options = self.load.options(true);
+        let robot = self.at.robot.as_deref().map(Path::to_string_lossy);
+        let options = self.at.load.options(true);
         let tosses = Tosses::read(folder, robot.as_deref(), &options).map_err(|e| CliError::Scene(e.to_string()))?;
         tell(&folder.display().to_string(), &tosses.chain);
         Ok(tosses)
-    }
-
-    fn robot_args(&self) -> Option<RobotArgs> {
-        let urdf = self.robot.clone()?;
-        Some(RobotArgs { urdf, floating: self.floating, load: self.load.clone() })
     }
 }
 

@@ -1,13 +1,15 @@
 //! Recorded impacts from files and folders.
 
-use super::{FitCommand, Flights, name};
+use super::{AtRobot, FitCommand, Flights, name};
 use crate::error::{CliError, LineError};
-use crate::input::{JointOrder, for_each_line};
+use crate::input::{JointOrder, RobotArgs, for_each_line, shorten};
 use carom_chain::{Chain, FrameId, FramePoint};
-use carom_study::Tosses;
 use carom_study::fit::{ChainJump, FitError, Flight, Joined, MeasuredImpact, join_flights, lowest_point, toss_flights};
+use carom_study::{Column, Tosses, state_columns};
 use nalgebra::{SMatrix, SVector};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
+use serde_json::value::RawValue;
 use std::io;
 use std::path::Path;
 
@@ -18,9 +20,36 @@ struct JumpLine {
     u_minus: Option<Vec<f64>>,
     u_plus: Option<Vec<f64>>,
     q: Option<Vec<f64>>,
+    #[serde(alias = "qd")]
     qd_minus: Option<Vec<f64>>,
     qd_plus: Option<Vec<f64>>,
     point: Option<[f64; 3]>,
+}
+
+/// What is read of an answer of `carom impact --json`, which is recognised by the name of its law.
+#[derive(Deserialize)]
+struct Answer {
+    law: Option<IgnoredAny>,
+    q: Option<Vec<f64>>,
+    qd: Option<Vec<f64>>,
+    qd_plus: Option<Vec<f64>>,
+}
+
+impl JumpLine {
+    fn read(text: &str) -> Result<Self, LineError> {
+        match serde_json::from_str::<Answer>(text) {
+            Ok(Answer { law: Some(_), q, qd, qd_plus }) => {
+                if q.is_none() || qd.is_none() || qd_plus.is_none() {
+                    let rule = "the answer of `carom impact` needs the keys q and qd of its state, and qd_plus";
+                    return Err(LineError(rule.into()));
+                }
+                let (delassus, u_minus, u_plus, point) = (None, None, None, None);
+                Ok(Self { delassus, u_minus, u_plus, q, qd_minus: qd, qd_plus, point })
+            }
+            // a line that is no answer is read, or refused, as a jump
+            _ => serde_json::from_str(text).map_err(|e| LineError(shorten(&e))),
+        }
+    }
 }
 
 #[derive(Deserialize)]
@@ -52,7 +81,12 @@ fn refuse(e: &FitError) -> LineError {
     LineError(e.to_string())
 }
 
-impl FitCommand {
+impl AtRobot {
+    fn robot_args(&self) -> Option<RobotArgs> {
+        let urdf = self.robot.clone()?;
+        Some(RobotArgs { urdf, floating: self.floating, load: self.load.clone() })
+    }
+
     fn robot(&self) -> Result<Option<Robot>, CliError> {
         let Some(args) = self.robot_args() else { return Ok(None) };
         let chain = args.load_for_dynamics()?;
@@ -61,12 +95,22 @@ impl FitCommand {
         Ok(Some(Robot { chain, order, tip }))
     }
 
-    /// Velocity jumps, one on each line.
+    /// Velocity jumps: one on each line, or in each row of a table.
     pub fn jumps(&self, path: &Path) -> Result<(Vec<MeasuredImpact>, Option<Chain>), CliError> {
         let robot = self.robot()?;
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")) {
+            let Some(robot) = robot else {
+                let file = name(path);
+                return Err(CliError::Option(format!(
+                    "{file}: a table has velocities of joints: give --robot and --tip"
+                )));
+            };
+            return Ok((self.table(path, &robot)?, Some(robot.chain)));
+        }
         let mut impacts = Vec::new();
         let mut of_robot = false;
-        for_each_line(path, &mut io::sink(), |line: JumpLine, _, _| {
+        for_each_line(path, &mut io::sink(), |line: Box<RawValue>, _, _| {
+            let line = JumpLine::read(line.get())?;
             of_robot |= line.q.is_some();
             impacts.push(self.jump(line, robot.as_ref())?);
             Ok(())
@@ -79,6 +123,71 @@ impl FitCommand {
             )));
         }
         Ok((impacts, robot.map(|robot| robot.chain)))
+    }
+
+    /// The rows of a CSV table, whose columns are found by their names.
+    fn table(&self, path: &Path, robot: &Robot) -> Result<Vec<MeasuredImpact>, CliError> {
+        let file = || path.display().to_string();
+        let unreadable = |e: csv::Error| CliError::Unreadable { file: file(), reason: e.into() };
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(unreadable)?;
+        let header: Vec<String> = reader.headers().map_err(unreadable)?.iter().map(str::to_owned).collect();
+        let find = |name: &str| header.iter().position(|own| own.trim_start_matches('\u{feff}') == name);
+        // the columns of each vector in the order of the chain, as tables of `carom simulate` have them
+        let columns = state_columns(&robot.chain);
+        let (mut q, mut before, mut after) = (Vec::new(), Vec::new(), Vec::new());
+        for Column { name, .. } in &columns {
+            let needed = |name: &str| {
+                let rule = || format!("{}: there is no column '{name}': the columns are {}", file(), header.join(", "));
+                find(name).ok_or_else(|| CliError::Option(rule()))
+            };
+            if let Some(joint) = name.strip_prefix("qd.") {
+                let minus = format!("qd_minus.{joint}");
+                before.push(find(&minus).or(find(name)).map_or_else(|| needed(&minus), Ok)?);
+                after.push(needed(&format!("qd_plus.{joint}"))?);
+            } else if name.starts_with("q.") {
+                q.push(needed(name)?);
+            }
+        }
+        let point: Option<Vec<usize>> = ["point.x", "point.y", "point.z"].into_iter().map(find).collect();
+        let mut impacts = Vec::new();
+        for record in reader.records() {
+            let record = record.map_err(unreadable)?;
+            let line = record.position().map_or(0, |place| place.line() as usize);
+            let refuse = |LineError(reason): LineError| CliError::Line { file: file(), line, reason };
+            let numbers = |columns: &[usize]| -> Result<Vec<f64>, LineError> {
+                let one = |&k: &usize| {
+                    let text = record.get(k).unwrap_or_default();
+                    let number = text.parse().ok().filter(|x: &f64| x.is_finite());
+                    number.ok_or_else(|| LineError(format!("column {}: '{text}' is not a finite number", header[k])))
+                };
+                columns.iter().map(one).collect()
+            };
+            let read = || -> Result<MeasuredImpact, LineError> {
+                let point = point.as_deref().map(&numbers).transpose()?;
+                let point = point.map(|p| std::array::from_fn(|k| p[k]));
+                self.at_chain(robot, numbers(&q)?, numbers(&before)?, numbers(&after)?, point)
+            };
+            impacts.push(read().map_err(refuse)?);
+        }
+        not_empty(path, impacts.len())?;
+        Ok(impacts)
+    }
+
+    /// The impact of a robot, whose vectors have the order of the chain.
+    fn at_chain(
+        &self,
+        robot: &Robot,
+        q: Vec<f64>,
+        qd_minus: Vec<f64>,
+        qd_plus: Vec<f64>,
+        point: Option<[f64; 3]>,
+    ) -> Result<MeasuredImpact, LineError> {
+        let Some(frame) = robot.tip else {
+            return Err(LineError("q needs a contact point: give its link with --tip".into()));
+        };
+        let point = FramePoint::new(frame, point.unwrap_or(self.point));
+        let measured = ChainJump { q, qd_minus, qd_plus, point, normal: self.normal.into() };
+        MeasuredImpact::of_chain(&robot.chain, &measured).map_err(|e| refuse(&e))
     }
 
     fn jump(&self, line: JumpLine, robot: Option<&Robot>) -> Result<MeasuredImpact, LineError> {
@@ -103,24 +212,17 @@ impl FitCommand {
                 let Some(robot) = robot else {
                     return Err(LineError("q needs a robot: give --robot and --tip".into()));
                 };
-                let Some(frame) = robot.tip else {
-                    return Err(LineError("q needs a contact point: give its link with --tip".into()));
-                };
-                let measured = ChainJump {
-                    q: robot.order.q(&q),
-                    qd_minus: robot.order.v(&before),
-                    qd_plus: robot.order.v(&after),
-                    point: FramePoint::new(frame, point.unwrap_or(self.point)),
-                    normal: self.normal.into(),
-                };
-                MeasuredImpact::of_chain(&robot.chain, &measured).map_err(|e| refuse(&e))
+                let order = &robot.order;
+                self.at_chain(robot, order.q(&q), order.v(&before), order.v(&after), point)
             }
             _ => Err(LineError(
                 "a jump is either delassus, u_minus, u_plus (all three) or q, qd_minus, qd_plus (all three)".into(),
             )),
         }
     }
+}
 
+impl FitCommand {
     /// Flights before and after impacts, one pair on each line.
     pub fn flights(
         &self,
@@ -128,7 +230,7 @@ impl FitCommand {
         told: &mut Flights,
         progress: &dyn Fn(usize, usize),
     ) -> Result<(Vec<MeasuredImpact>, Option<Chain>), CliError> {
-        let Some(robot) = self.robot()? else {
+        let Some(robot) = self.at.robot()? else {
             let file = name(path);
             return Err(CliError::Option(format!("{file}: flights need a robot: give --robot")));
         };
@@ -146,7 +248,7 @@ impl FitCommand {
             };
             let joined = join_flights(&robot.chain, self.gravity.into(), &flight(before), &flight(after));
             let joined = joined.map_err(|e| refuse(&e))?;
-            let tip = robot.tip.map(|frame| FramePoint::new(frame, point.unwrap_or(self.point)));
+            let tip = robot.tip.map(|frame| FramePoint::new(frame, point.unwrap_or(self.at.point)));
             impacts.push(self.at_impact(&robot.chain, &joined, tip).map_err(|e| refuse(&e))?);
             told.add(place.line as i64, &joined);
             Ok(())
@@ -158,10 +260,10 @@ impl FitCommand {
     fn at_impact(&self, chain: &Chain, joined: &Joined, tip: Option<FramePoint>) -> Result<MeasuredImpact, FitError> {
         let point = match tip {
             Some(tip) => tip,
-            None => lowest_point(chain, &joined.q, self.normal)?,
+            None => lowest_point(chain, &joined.q, self.at.normal)?,
         };
         let Joined { q, qd_minus, qd_plus, .. } = joined.clone();
-        MeasuredImpact::of_chain(chain, &ChainJump { q, qd_minus, qd_plus, point, normal: self.normal.into() })
+        MeasuredImpact::of_chain(chain, &ChainJump { q, qd_minus, qd_plus, point, normal: self.at.normal.into() })
     }
 
     /// The first impact of each toss of a folder, from the flights around it.
@@ -172,8 +274,11 @@ impl FitCommand {
         told: &mut Flights,
         progress: &dyn Fn(usize, usize),
     ) -> Result<Vec<MeasuredImpact>, CliError> {
-        let tip =
-            self.tip.as_deref().map(|tip| tosses.chain.frame(tip).map(|frame| FramePoint::new(frame, self.point)));
+        let tip = self
+            .at
+            .tip
+            .as_deref()
+            .map(|tip| tosses.chain.frame(tip).map(|frame| FramePoint::new(frame, self.at.point)));
         let tip = tip.transpose().map_err(|e| CliError::Option(format!("{}: --tip: {e}", folder.display())))?;
         let all = toss_flights(tosses).map_err(|e| CliError::Scene(e.to_string()))?;
         not_empty(folder, all.len())?;

@@ -1,6 +1,7 @@
 //! Output of a fit: all results as JSON, the main ones for people.
 
 use super::{FitCommand, Flights};
+use crate::law::Refusal;
 use crate::output::short;
 use carom_study::fit::{Coefficient, Fit, FittedTo, Loss, Misfit, Score};
 use serde::Serialize;
@@ -94,14 +95,16 @@ const WORST: usize = 5;
 pub fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
     let trajectories = report.fitted_to == FittedTo::Trajectories;
     let of = if trajectories { "tosses" } else { "impacts" };
-    let tested = report.test.as_ref().map_or(0, |test| test.count);
+    let tested = match &report.test {
+        Some(test) => format!(" ({} kept for the test, seed {})", test.count, report.seed),
+        None => String::new(),
+    };
     let threshold = report.threshold.map_or(String::new(), |t| format!(" beyond {}", short(t)));
     writeln!(
         out,
-        "{} of {} {of} ({tested} kept for the test, seed {}), law {}, loss {}{threshold}, {} trials",
+        "{} of {} {of}{tested}, law {}, loss {}{threshold}, {} trials",
         report.fitted_to.name(),
         report.train.count,
-        report.seed,
         report.law,
         report.loss.name(),
         report.trials
@@ -162,6 +165,64 @@ pub fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "worst {of}: {}", worst.join(", "))?;
     for note in report.notes {
         writeln!(out, "note: {note}")?;
+    }
+    Ok(())
+}
+
+/// The fits of all laws, least error first.
+#[derive(Serialize)]
+pub struct All<'a> {
+    fits: Vec<Report<'a>>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    refused: Vec<Refusal>,
+}
+
+impl<'a> All<'a> {
+    pub fn new(mut fits: Vec<Report<'a>>, refused: Vec<Refusal>) -> Self {
+        fits.sort_by(|a, b| a.judged().mean.total_cmp(&b.judged().mean));
+        Self { fits, refused }
+    }
+}
+
+impl Report<'_> {
+    /// The errors by which laws are compared: those of the test, if there is one.
+    fn judged(&self) -> &Score {
+        self.test.as_ref().unwrap_or(&self.train)
+    }
+}
+
+/// All laws as one table.
+pub fn table(all: &All, out: &mut dyn Write) -> io::Result<()> {
+    if let Some(first) = all.fits.first() {
+        let trajectories = first.fitted_to == FittedTo::Trajectories;
+        let (of, unit) = if trajectories { ("tosses", "pose error") } else { ("impacts", "residual m/s") };
+        let judged = match &first.test {
+            Some(test) => format!("errors of the {} kept for the test, seed {}", test.count, first.seed),
+            None => format!("errors of the same {of}"),
+        };
+        let (to, percent) = (first.fitted_to.name(), first.confidence * 100.0);
+        let count = first.train.count;
+        writeln!(out, "{to} of {count} {of}, loss {}, intervals of {percent} %; {judged}", first.loss.name())?;
+        let mut names: Vec<&str> = Vec::new();
+        for one in all.fits.iter().flat_map(|fit| fit.coefficients) {
+            if !names.contains(&one.name) {
+                names.push(one.name);
+            }
+        }
+        let head: String = names.iter().map(|name| format!("{name:<37}")).collect();
+        writeln!(out, "{:16} {head} {:>12} {:>12}  {unit}", "law", "mean", "median")?;
+        for fit in &all.fits {
+            let cell = |name: &&str| {
+                let own = fit.coefficients.iter().find(|one| one.name == *name);
+                let text = own.map(|c| format!("{} ({} … {})", short(c.value), short(c.low), short(c.high)));
+                format!("{:<37}", text.unwrap_or_default())
+            };
+            let (cells, score) = (names.iter().map(cell).collect::<String>(), fit.judged());
+            writeln!(out, "{:16} {cells} {:>12} {:>12}", fit.law, short(score.mean), short(score.median))?;
+        }
+    }
+    for refused in &all.refused {
+        writeln!(out, "{:16} not applicable: {}", refused.law, refused.reason)?;
     }
     Ok(())
 }

@@ -60,12 +60,14 @@ const LAW: &str = "law --law all --restitution 0.5 --friction 0.2 --problems";
 fn outputs_that_would_replace_an_input_are_refused() {
     let desk = laid();
     let lost = "the command reads this file and would replace it: give another name";
+    for (from, to) in [("t.csv", "t.svg"), ("good.jsonl", "good.svg")] {
+        std::fs::copy(desk.0.join(from), desk.0.join(to)).unwrap();
+    }
     for (args, named) in [
-        ("consistency t.csv --svg t.csv".to_owned(), "--svg t.csv"),
-        (format!("{LAW} good.jsonl --svg ./good.jsonl"), "--svg ./good.jsonl"),
-        ("simulate s.toml --csv s.toml".into(), "--csv s.toml"),
-        ("simulate s.toml --csv torque.csv".into(), "--csv torque.csv"),
-        ("simulate s.toml --parquet planar2.urdf".into(), "--parquet planar2.urdf"),
+        ("consistency t.svg --out t.svg".to_owned(), "--out t.svg"),
+        (format!("{LAW} good.svg --out ./good.svg"), "--out ./good.svg"),
+        ("simulate s.toml --out torque.csv".into(), "--out torque.csv"),
+        ("simulate s.toml --contacts torque.csv".into(), "--contacts torque.csv"),
         ("chart s.toml --out torque.svg".into(), "the numbers of --out, torque.csv"),
         ("map m.toml --svg m.toml".into(), "--svg m.toml"),
         ("map m.toml --svg planar2.urdf".into(), "--svg planar2.urdf"),
@@ -81,9 +83,11 @@ fn outputs_that_reach_an_input_through_a_link_are_refused() {
     std::os::unix::fs::symlink("t.csv", desk.0.join("link.svg")).unwrap();
     std::os::unix::fs::symlink(".", desk.0.join("here")).unwrap();
     let lost = "the command reads this file and would replace it: give another name";
-    leaves_all(&desk, "consistency t.csv --svg link.svg", &format!("--svg link.svg: {lost}"));
-    leaves_all(&desk, "consistency link.svg --svg t.csv", &format!("--svg t.csv: {lost}"));
-    leaves_all(&desk, "consistency t.csv --svg here/t.csv", &format!("--svg here/t.csv: {lost}"));
+    leaves_all(&desk, "consistency t.csv --out link.svg", &format!("--out link.svg: {lost}"));
+    std::fs::copy(desk.0.join("t.csv"), desk.0.join("t.svg")).unwrap();
+    std::os::unix::fs::symlink("t.svg", desk.0.join("link.csv")).unwrap();
+    leaves_all(&desk, "consistency link.csv --out t.svg", &format!("--out t.svg: {lost}"));
+    leaves_all(&desk, "consistency t.svg --out here/t.svg", &format!("--out here/t.svg: {lost}"));
     let twice = "--svg here/m.csv: --out m.csv names the same file: give each its own";
     leaves_all(&desk, "map m.toml --out m.csv --svg here/m.csv", twice);
 }
@@ -94,8 +98,12 @@ fn two_outputs_of_the_same_file_are_refused() {
     for (args, message) in [
         ("map m.toml --out m.csv --svg m.csv", "--svg m.csv: --out m.csv names the same file: give each its own"),
         (
-            "simulate s.toml --csv x.csv --parquet ./x.csv",
-            "--parquet ./x.csv: --csv x.csv names the same file: give each its own",
+            "simulate s.toml --out x.csv --out ./x.csv",
+            "--out ./x.csv: --out x.csv names the same file: give each its own",
+        ),
+        (
+            "simulate s.toml --out x.csv --contacts ./x.csv",
+            "--contacts ./x.csv: --out x.csv names the same file: give each its own",
         ),
     ] {
         leaves_all(&desk, args, message);
@@ -106,24 +114,75 @@ fn two_outputs_of_the_same_file_are_refused() {
 fn missing_folders_of_outputs_are_refused_before_any_work() {
     let desk = laid();
     for (args, option) in [
-        ("consistency t.csv".to_owned(), "--svg"),
-        (format!("{LAW} good.jsonl"), "--svg"),
-        ("simulate s.toml".into(), "--csv"),
-        ("simulate s.toml".into(), "--parquet"),
+        ("consistency t.csv".to_owned(), "--out"),
+        (format!("{LAW} good.jsonl"), "--out"),
+        ("simulate s.toml".into(), "--out"),
         ("chart s.toml".into(), "--out"),
         ("map m.toml".into(), "--out"),
         ("map m.toml".into(), "--svg"),
         ("paper".into(), "--out"),
         ("stress".into(), "--out"),
     ] {
-        let file = "no/such.svg";
+        let file = if args.starts_with("simulate") { "no/such.csv" } else { "no/such.svg" };
         let file = if file.ends_with(".svg") && args.starts_with("stress") { "no/such" } else { file };
         let message = format!("{option} {file}: there is no folder no: make it first");
         leaves_all(&desk, &format!("{args} {option} {file}"), &message);
     }
     let folder = "it is a folder or a device: give the name of a file";
     leaves_all(&desk, "map m.toml --out .", &format!("--out .: {folder}"));
-    leaves_all(&desk, "consistency t.csv --svg ..", &format!("--svg ..: {folder}"));
+    std::fs::create_dir(desk.0.join("folder.svg")).unwrap();
+    leaves_all(&desk, "consistency t.csv --out folder.svg", &format!("--out folder.svg: {folder}"));
+}
+
+/// The ending of a name says what is written; the names of before are read as `--out` and not in the help.
+#[test]
+fn outputs_are_written_by_their_endings() {
+    let desk = laid();
+    let says = "the ending of the name says what is written:";
+    let both = ".csv or .parquet for a table, .rrd for a recording";
+    for (args, file, message) in [
+        ("simulate s.toml --out", "x.svg", format!("{says} {both}")),
+        ("simulate s.toml --csv", "s.toml", format!("{says} {both}")),
+        ("simulate s.toml --contacts t.csv --out", "x", format!("{says} {both}")),
+        ("consistency t.csv --svg", "-", format!("{says} .svg for a picture")),
+        (
+            "law --law all --restitution 0.5 --problems good.jsonl --out a.svg --svg",
+            "b.svg",
+            "--out a.svg is a picture too: give one".into(),
+        ),
+    ] {
+        leaves_all(&desk, &format!("{args} {file}"), &format!("--out {file}: {message}"));
+    }
+    done(&desk.run("simulate s.toml --out new.csv --out new.parquet"));
+    done(&desk.run("simulate s.toml --csv old.csv --parquet old.parquet"));
+    let read = |file: &str| std::fs::read(desk.0.join(file)).unwrap();
+    for ending in ["csv", "parquet"] {
+        assert!(read(&format!("new.{ending}")) == read(&format!("old.{ending}")), "{ending}");
+    }
+    let help = desk.run("simulate --help").out;
+    assert!(help.contains("--out <FILE>") && !help.contains("--csv") && !help.contains("--parquet"), "{help}");
+}
+
+/// The table of the name `-` is that of a file, and stands alone on standard output.
+#[test]
+fn a_table_is_printed_in_place_of_the_answer() {
+    let desk = laid();
+    done(&desk.run("simulate s.toml --out x.csv --contacts c.csv"));
+    for (args, file) in [("--out -", "x.csv"), ("--contacts - --out y.csv", "c.csv")] {
+        let ran = desk.run(&format!("simulate s.toml {args}"));
+        done(&ran);
+        assert_eq!(ran.out, std::fs::read_to_string(desk.0.join(file)).unwrap(), "{args}");
+    }
+    let header = std::fs::read_to_string(desk.0.join("x.csv")).unwrap();
+    assert!(header.starts_with("time,q."), "{header}");
+    assert!(desk.0.join("y.csv").exists());
+    let rule = "give the table the name of a file";
+    leaves_all(
+        &desk,
+        "simulate s.toml --out - --json",
+        &format!("-: standard output has the answer of --json: {rule}"),
+    );
+    leaves_all(&desk, "simulate s.toml --out - --contacts -", &format!("-: standard output has another table: {rule}"));
 }
 
 #[test]

@@ -201,7 +201,7 @@ fn problems_that_cannot_be_drawn_are_refused_and_no_file_is_written() {
         (
             r#"{"delassus":[[2,0,0],[0,2,0],[0,0,1]],"u":[1,0,-1]}"#,
             "none/x.svg",
-            "--svg none/x.svg: there is no folder none: make it first",
+            "--out none/x.svg: there is no folder none: make it first",
         ),
     ];
     let before = desk.files("");
@@ -220,7 +220,8 @@ fn problems_that_cannot_be_drawn_are_refused_and_no_file_is_written() {
         assert!(ran.err.contains("build carom with the feature rerun"), "{}", ran.err);
         assert_eq!(desk.files(""), before);
     }
-    usage(desk.feed(&format!("{both} --spawn"), ""), "cannot be used with");
+    let two = "--out x.rrd: a recording has one destination: leave out --connect and --spawn, or this file";
+    refused(desk.feed(&format!("{both} --spawn"), ""), two);
 }
 
 /// Painlevé's rod slides at u_n = 0 into a jam: every law with friction has two solutions, and the answer lists both.

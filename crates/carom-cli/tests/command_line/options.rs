@@ -62,13 +62,88 @@ fn tosses_have_the_tangential_restitution_of_the_option() {
     assert!(without > position("") + 0.01 && position("") > position("--tangential-restitution 0.9") + 0.01);
 }
 
+/// Names from other software and papers give the answer of the names of the reference; answers have the names of the reference.
+#[test]
+fn aliases_of_options_and_laws_give_the_same_answers() {
+    let desk = Desk::new();
+    let state = json!({"q": UP_ELBOW, "qd": [0.1, 0.3]});
+    let ours = "impact planar2.urdf --json --tip tip --normal -1,0,0 --law energetic --restitution 0.5 --friction 0.2";
+    let theirs = "impact planar2.urdf --json --frame tip --normal -1,0,0 --law stronge --e 0.5 --mu 0.2";
+    let answer = desk.answer(&format!("{ours} --states -"), &state);
+    assert_eq!(answer["law"], "energetic");
+    assert_eq!(desk.answer(&format!("{theirs} --states -"), &state), answer);
+    let help = desk.run("impact --help").out;
+    for alias in ["[alias: --mu]", "[alias: --e]", "[alias: --frame]", "[alias: stronge]"] {
+        assert!(help.contains(alias), "{alias} is not in the help");
+    }
+
+    let scene = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/planar2.toml")).unwrap();
+    assert!(scene.contains("law = \"energetic\""), "the scene has another law");
+    let run = |law: &str| {
+        desk.write("own.toml", scene.replace("\"energetic\"", &format!("\"{law}\"")).replace("../robots/", ""));
+        desk.answers("simulate own.toml --json", "").remove(0)
+    };
+    assert_eq!(run("stronge"), run("energetic"));
+
+    let study = |law: &str| {
+        desk.write(
+            "study.toml",
+            format!(
+                "[robot]\nurdf = \"planar2.urdf\"\n[joints]\nshoulder = 0.7\nelbow = -1.5\n[impact]\nnormal = [-1, 0, 0]\n\
+                 approach_deg = 45\nspeed = 0.2\nlaw = [\"newton\", \"{law}\"]\nrestitution = 0.3\nfriction = 0.2\n\
+                 [map]\nquantities = [\"impulse\"]\n"
+            ),
+        );
+        desk.run("map study.toml --out map.csv")
+    };
+    done(&study("stronge"));
+    assert!(
+        std::fs::read_to_string(desk.0.join("map.csv")).unwrap().contains("energetic"),
+        "the column has the names of the laws"
+    );
+    let twice = study("stronge\", \"energetic");
+    assert!(twice.err.contains("[impact] law holds \"energetic\" twice"), "{}", twice.err);
+}
+
+#[test]
+fn quiet_leaves_out_warnings_and_keeps_errors() {
+    let desk = Desk::new();
+    let law = "law --json --law newton --restitution 0.5 --tangential-restitution 0.5 --problems -";
+    let problem = json!({"delassus": [[2, 0.5], [0.5, 1]], "u": [0.3, -1]}).to_string();
+    let (told, quiet) = (desk.feed(law, &problem), desk.feed(&format!("{law} --quiet"), &problem));
+    assert!(told.err.starts_with("warning: "), "{}", told.err);
+    assert_eq!((quiet.err.as_str(), &quiet.out), ("", &told.out));
+    assert_eq!(desk.feed(&format!("--quiet {law}"), &problem).err, "", "the option stands before the command too");
+    refused(desk.feed(&format!("{law} --quiet"), "oops"), "<stdin>:1: expected value at column 1");
+}
+
+/// The script of bash is one that bash reads, and it completes commands and options by their names.
+#[test]
+fn completions_of_every_shell_name_commands_and_options() {
+    let desk = Desk::new();
+    for shell in ["bash", "zsh", "fish"] {
+        let ran = desk.run(&format!("completions {shell}"));
+        done(&ran);
+        for word in ["simulate", "consistency", "restitution", "chatterjee-ruina"] {
+            assert!(ran.out.contains(word), "{shell}: {word}");
+        }
+        if shell == "bash" {
+            desk.write("carom.bash", &ran.out);
+            let complete = "COMP_WORDS=(carom simu); COMP_CWORD=1; _carom carom simu carom; echo \"${COMPREPLY[@]}\"";
+            let script = format!(". ./carom.bash && {complete}");
+            let bash = std::process::Command::new("bash").args(["-c", &script]).current_dir(&desk.0).output().unwrap();
+            assert_eq!(String::from_utf8(bash.stdout).unwrap().trim(), "simulate");
+        }
+    }
+}
+
 #[test]
 fn usage_errors_exit_with_2() {
     let desk = Desk::new();
     let impact = "impact planar2.urdf --tip tip --states - --restitution 0.5";
     let laws = "[possible values: frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith";
     for (args, words) in [
-        (String::new(), "Usage: carom <COMMAND>"),
+        (String::new(), "Usage: carom [OPTIONS] <COMMAND>"),
         ("strike".into(), "unrecognized subcommand 'strike'"),
         ("inspect".into(), "<ROBOT.urdf>"),
         ("inspect planar2.urdf --jsn".into(), "unexpected argument '--jsn' found"),

@@ -198,6 +198,6 @@ fn invalid_tables_are_refused_and_no_picture_is_written() {
     let ran = desk.run("consistency t.csv");
     assert!(ran.code == Some(1) && ran.err.starts_with("error: t.csv: cannot be read: "), "{}", ran.err);
     desk.write("t.csv", "row,angle_deg,newton,energy_root\nup,45,0.4,0.7\n");
-    let ran = desk.run("consistency t.csv --svg no/such/x.svg");
-    refused(ran, "--svg no/such/x.svg: there is no folder no/such: make it first");
+    let ran = desk.run("consistency t.csv --out no/such/x.svg");
+    refused(ran, "--out no/such/x.svg: there is no folder no/such: make it first");
 }

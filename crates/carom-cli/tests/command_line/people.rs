@@ -67,7 +67,7 @@ fn without_json_the_output_is_a_table() {
 fn help_and_version_are_printed() {
     let desk = Desk::new();
     for (args, words) in [
-        ("--help", "Usage: carom <COMMAND>"),
+        ("--help", "Usage: carom [OPTIONS] <COMMAND>"),
         ("help impact", "--normal <X,Y,Z>"),
         ("inspect --help", "<ROBOT.urdf|SCENE.toml>"),
         ("dynamics --help", "--joints"),
@@ -97,9 +97,13 @@ fn every_help_fits_100_columns_and_describes_computation_input_output_and_option
         ran.out
     };
     let overview = help("--help");
-    let listed = overview.split_once("Commands:\n").unwrap().1.split("\n\n").next().unwrap();
-    let commands: Vec<&str> = listed.lines().map(|line| line.split_whitespace().next().unwrap()).collect();
-    assert_eq!(commands.len(), 15, "14 commands and `help`: {commands:?}");
+    let [used, tests] = ["Commands:\n", "Commands that test laws and methods:\n"].map(|title| {
+        let listed = overview.split_once(title).unwrap().1.split("\n\n").next().unwrap();
+        listed.lines().map(|line| line.split_whitespace().next().unwrap()).collect::<Vec<_>>()
+    });
+    assert_eq!((used.last(), used.len()), (Some(&"help"), 12), "11 commands and `help`: {used:?}");
+    assert_eq!(tests, ["chart", "stress", "paper", "consistency"]);
+    let commands = [used, tests].concat();
     for words in ["Exit status:", "  0  Done.", "  1  An input is refused.", "  2  Wrong command line."] {
         assert!(overview.contains(words), "{words}");
     }
@@ -109,7 +113,8 @@ fn every_help_fits_100_columns_and_describes_computation_input_output_and_option
         assert!(about.contains("\nOutput"), "{command} does not describe its output:\n{about}");
         let reads = rest.contains("<FILE>") || rest.contains("\nArguments:");
         assert_eq!(about.contains("\nInput: "), reads, "{command}: what it reads is described, if it reads anything");
-        assert!(about.contains("JSON keys:"), "{command} does not list its JSON keys");
+        let answers = command != "completions";
+        assert_eq!(about.contains("JSON keys:"), answers, "{command} lists its JSON keys, if it has them");
         // Each option is followed by its description.
         let lines: Vec<&str> = rest.split_once("\nOptions:\n").unwrap().1.lines().collect();
         let mut options = 0;

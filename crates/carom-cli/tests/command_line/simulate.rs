@@ -226,3 +226,45 @@ fn a_recording_is_complete_or_not_written() {
     let words = "error: the viewer cannot be used: rerun+http://127.0.0.1:1/proxy: ";
     assert!(ran.err.starts_with(words), "{}", ran.err);
 }
+
+/// What is printed of a run says what happened: a ball that bounces does not stick, blows at several contacts have their impulses
+/// and velocities, and contacts that come to last at the same time are one row.
+#[test]
+fn printed_events_say_what_happened() {
+    let desk = Desk::new();
+    let print = |name: &str, robots: &[&str]| {
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+        for robot in robots {
+            desk.0.copy(robot);
+        }
+        let scene = std::fs::read_to_string(format!("{root}/scenes/{name}.toml")).unwrap();
+        desk.write("s.toml", scene.replace("../robots/", ""));
+        let (ran, whole) = (desk.run("simulate s.toml"), desk.answers("simulate s.toml --json", "").remove(0));
+        done(&ran);
+        (ran.out, whole)
+    };
+    let (ball, whole) = print("bounce", &["robots/ball.urdf"]);
+    assert_eq!(whole["events"][0]["impact"]["mode"], "stick");
+    assert!(ball.lines().next().unwrap().ends_with("N s, no slip"), "{ball}");
+    assert!(ball.trim_end().ends_with("evaluations; 0 time steps"), "{ball}");
+
+    let (row, whole) = print("box", &["robots/box.urdf"]);
+    let events = whole["events"].as_array().unwrap();
+    let blow = events.iter().find(|event| event["kind"] == "several").unwrap();
+    let size = |it: &Value| numbers(&it["impulse"]).iter().map(|x| x * x).sum::<f64>().sqrt();
+    let impulses: Vec<String> = blow["impulses"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|it| format!("{} ({:.7} N s)", it["contact"].as_str().unwrap(), size(it)))
+        .collect();
+    let at = row.lines().position(|line| line.contains(" several ")).unwrap();
+    let printed: Vec<&str> = row.lines().skip(at).take(2).collect();
+    assert!(impulses.iter().all(|it| printed[0].contains(it)), "{printed:?}: {impulses:?}");
+    let qd = format!("qd⁻ ({:.7} ", numbers(&blow["qd_minus"])[0]);
+    assert!(printed[1].trim_start().starts_with(&qd), "{printed:?}: {qd}");
+    let both = "zeno       box on floor, corner 1; box on floor, corner 2";
+    assert!(row.lines().any(|line| line.ends_with(both)), "{row}");
+    let kinds = |kind: &str| events.iter().filter(|event| event["kind"] == kind).count();
+    assert!(row.matches(" zeno ").count() < kinds("zeno"), "two corners that come to rest together are one row");
+}

@@ -10,11 +10,12 @@
 //! The tables of single impacts have no body parameters, so the bodies are constants of this file.
 
 use super::candidates::Effect;
+use super::impacts::Impact;
 use super::landings::{self, Landings};
 use super::planar::{GRAVITY, PlanarImpact, Sequel, lowest_corner};
 use crate::EvidenceError;
 use carom_chain::urdf::{self, LoadOptions, Robot};
-use carom_study::fit::FitError;
+use carom_study::fit::{FitError, MeasuredImpact};
 use carom_study::tosses::{TossError, Tosses, urdf_of};
 use nalgebra::Vector3;
 use std::collections::HashMap;
@@ -41,12 +42,29 @@ pub(super) enum Data {
 #[derive(Debug, Clone)]
 pub(super) struct Impacts {
     pub what: &'static str,
+    /// The error, with its metric.
+    pub measure: &'static str,
     /// Number of each impact in its table.
     pub numbers: Vec<i64>,
-    pub impacts: Vec<PlanarImpact>,
+    pub impacts: Vec<Impact>,
     /// The effects that are tried, each in addition to those before it.
     pub effects: &'static [Effect],
     pub left_out: usize,
+}
+
+/// The error of a velocity v after an impact, in the metric of the kinetic energy.
+const IN_ENERGY: &str = "|v − v⁺|/|v⁻| in the metric of the kinetic energy";
+
+impl DataSet {
+    /// Single impacts that were measured at a robot, or by contact velocities: a number for each, such as that of its line.
+    /// Laws are compared with constant coefficients and with a restitution that depends on the approach speed.
+    pub fn of_impacts(name: String, numbers: Vec<i64>, impacts: Vec<MeasuredImpact>) -> Self {
+        let whole = impacts.iter().all(MeasuredImpact::has_robot);
+        let measure = if whole { IN_ENERGY } else { "|u − u⁺|/|u⁻| of the contact velocity" };
+        let impacts = impacts.into_iter().map(|impact| Impact::Measured(Box::new(impact))).collect();
+        let (what, effects) = ("measured impacts", &[Effect::Speed]);
+        Self { name, data: Data::Impacts(Impacts { what, measure, numbers, impacts, effects, left_out: 0 }) }
+    }
 }
 
 /// The error of a data set with too few measurements.
@@ -150,7 +168,7 @@ fn table(path: &Path, options: &LoadOptions) -> Result<Option<DataSet>, Evidence
             Some(impact) => match impact.measured(1.0) {
                 Ok(_) => {
                     numbers.push(row[names[0]] as i64);
-                    impacts.push(impact);
+                    impacts.push(Impact::Planar(impact));
                 }
                 Err(FitError::NoApproach { .. }) => left_out += 1,
                 Err(error) => return Err(refuse(format!("line {line}: {error}"))),
@@ -158,7 +176,8 @@ fn table(path: &Path, options: &LoadOptions) -> Result<Option<DataSet>, Evidence
             None => left_out += 1,
         }
     }
-    let data = Data::Impacts(Impacts { what: kind.what(), numbers, impacts, effects: kind.effects(), left_out });
+    let (what, effects) = (kind.what(), kind.effects());
+    let data = Data::Impacts(Impacts { what, measure: IN_ENERGY, numbers, impacts, effects, left_out });
     Ok(Some(DataSet { name: named(path), data }))
 }
 

@@ -8,6 +8,7 @@ use super::planar::PlanarImpact;
 use super::selection::chosen;
 use super::statistics::{Spread, folds};
 use crate::EvidenceError;
+use carom_study::fit::{LawPair, MeasuredImpact};
 use nalgebra::DVector;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -16,9 +17,42 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const STEPS: u64 = 120;
 const SETTLED: f64 = 1e-7;
 
+/// One impact that models predict.
+#[derive(Debug, Clone)]
+pub(super) enum Impact {
+    Planar(PlanarImpact),
+    Measured(Box<MeasuredImpact>),
+}
+
+impl Impact {
+    /// The residual whose norm is |v − v⁺|/|v⁻| for the velocity v that a model predicts; `None` where its law refuses the impact.
+    fn residual(&self, model: &Candidate, x: &[f64]) -> Option<DVector<f64>> {
+        match self {
+            Self::Planar(impact) => Some(DVector::from_column_slice(impact.residual(model, x)?.as_slice())),
+            Self::Measured(impact) => {
+                let law = LawPair::new(model.law, model.coefficients(x, impact.approach_speed())).ok()?;
+                Some(impact.residual(&law).ok()? / impact.speed())
+            }
+        }
+    }
+
+    /// The norm of the residual; infinite where there is none.
+    fn error(&self, model: &Candidate, x: &[f64]) -> f64 {
+        self.residual(model, x).map_or(f64::INFINITY, |residual| residual.norm())
+    }
+
+    /// The least error of any impulse at the contact point that does not pull.
+    fn bound(&self, model: &Candidate, x: &[f64]) -> f64 {
+        match self {
+            Self::Planar(impact) => impact.bound(model, x),
+            Self::Measured(impact) => impact.least_residual(f64::INFINITY) / impact.speed(),
+        }
+    }
+}
+
 pub(super) fn compare(
     set: &DataSet,
-    Impacts { what, numbers, impacts, effects, left_out }: &Impacts,
+    Impacts { what, measure, numbers, impacts, effects, left_out }: &Impacts,
     options: &CompareOptions,
     progress: Progress<'_>,
 ) -> Result<Comparison, EvidenceError> {
@@ -52,21 +86,20 @@ pub(super) fn compare(
     };
     let judged: Vec<Judged> = candidates.into_iter().map(judge).collect();
     let bound = |best: &Judged| -> Vec<f64> {
-        let of = |(impact, &fold): (&PlanarImpact, &usize)| impact.bound(&best.candidate, &best.coefficients[fold]);
+        let of = |(impact, &fold): (&Impact, &usize)| impact.bound(&best.candidate, &best.coefficients[fold]);
         impacts.iter().zip(&fold_of).map(of).collect()
     };
     let direction = |best: &Judged| {
         let model = &best.candidate;
         let residuals = |x: &[f64]| -> Vec<Option<DVector<f64>>> {
-            let one = |impact: &PlanarImpact| Some(DVector::from_column_slice(impact.residual(model, x)?.as_slice()));
-            impacts.iter().map(one).collect()
+            impacts.iter().map(|impact| impact.residual(model, x)).collect()
         };
         weakest(model, &model.region(options.max_friction), &centre(&best.coefficients), &residuals)
     };
     Ok(Comparison {
         set: set.name.clone(),
         what: (*what).into(),
-        measure: "|v − v⁺|/|v⁻| in the metric of the kinetic energy".into(),
+        measure: (*measure).into(),
         numbers: numbers.clone(),
         left_out: *left_out,
         bound: best(&judged).map(|best| Spread::of(&bound(best))),
@@ -81,12 +114,12 @@ pub(super) fn compare(
 /// The parameters with the least mean error over the impacts outside a fold.
 fn fit(
     candidate: &Candidate,
-    impacts: &[PlanarImpact],
+    impacts: &[Impact],
     fold_of: &[usize],
     fold: usize,
     options: &CompareOptions,
 ) -> Vec<f64> {
-    let train: Vec<&PlanarImpact> =
+    let train: Vec<&Impact> =
         impacts.iter().zip(fold_of).filter(|(_, of)| **of != fold).map(|(impact, _)| impact).collect();
     let cost = |x: &[f64]| {
         let sum: f64 = train.iter().map(|impact| impact.error(candidate, x)).sum();

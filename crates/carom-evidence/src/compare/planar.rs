@@ -58,12 +58,7 @@ impl PlanarImpact {
         Vector3::new(v.x, v.y, (inertia / mass).sqrt() * v.z)
     }
 
-    /// |v − v⁺|/|v⁻| for the velocity v that a model predicts; infinite where its law refuses the impact.
-    pub fn error(&self, model: &Candidate, x: &[f64]) -> f64 {
-        self.residual(model, x).map_or(f64::INFINITY, |residual| residual.norm())
-    }
-
-    /// The residual whose norm is [`error`](Self::error); `None` where the law refuses the impact.
+    /// The residual whose norm is |v − v⁺|/|v⁻| for the velocity v that a model predicts; `None` where its law refuses the impact.
     pub fn residual(&self, model: &Candidate, x: &[f64]) -> Option<Vector3<f64>> {
         let arm = model.value(Parameter::Arm, x).unwrap_or(1.0);
         let strike = |rows, before| struck(self.body, rows, before, model, x);

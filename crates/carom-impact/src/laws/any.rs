@@ -11,6 +11,8 @@ use crate::flow::Found;
 pub struct LawInfo {
     /// Its name, one of [`LAW_NAMES`].
     pub name: &'static str,
+    /// Other names, which are read but not written, such as that of the author.
+    pub aliases: &'static [&'static str],
     /// What it is, in a line of 70 columns at most.
     pub summary: &'static str,
     /// The fields of [`Coefficients`] that it uses.
@@ -18,9 +20,13 @@ pub struct LawInfo {
 }
 
 impl LawInfo {
-    /// The law called `name`, or `None` if there is none.
+    /// The law called `name`, or with this alias; `None` if there is none.
+    ///
+    /// ```
+    /// assert_eq!(carom_impact::LawInfo::named("stronge").unwrap().name, "energetic");
+    /// ```
     pub fn named(name: &str) -> Option<Self> {
-        LAWS.into_iter().find(|law| law.name == name)
+        LAWS.into_iter().find(|law| law.name == name || law.aliases.contains(&name))
     }
 
     /// Whether the law uses a coefficient, by the name of the field of [`Coefficients`].
@@ -29,7 +35,7 @@ impl LawInfo {
     }
 }
 
-/// The law called `name`, or `None` if there is none. The coefficients are checked when the law resolves its first
+/// The law called `name`, or with this alias; `None` if there is none. The coefficients are checked when the law resolves its first
 /// problem; coefficients that the law does not have are ignored.
 ///
 /// ```
@@ -95,7 +101,7 @@ macro_rules! law {
 
 /// Everything that has one case for each law.
 macro_rules! laws {
-    ($($(#[$doc:meta])* $name:literal $law:ident { $($coefficient:ident),* } $summary:literal;)*) => {
+    ($($(#[$doc:meta])* $name:literal $(| $alias:literal)* $law:ident { $($coefficient:ident),* } $summary:literal;)*) => {
         /// The laws of this crate.
         ///
         /// ```
@@ -105,11 +111,12 @@ macro_rules! laws {
         /// ```
         pub const LAWS: [LawInfo; [$($name),*].len()] = [$(LawInfo {
             name: $name,
+            aliases: &[$($alias),*],
             summary: $summary,
             coefficients: &[$(stringify!($coefficient)),*],
         }),*];
 
-        /// Names that [`law_by_name`] accepts.
+        /// Names of the laws. [`law_by_name`] accepts their aliases ([`LawInfo::aliases`]) too.
         pub const LAW_NAMES: [&str; LAWS.len()] = [$($name),*];
 
         #[derive(Debug, Clone, Copy, PartialEq)]
@@ -123,7 +130,7 @@ macro_rules! laws {
             /// The law called `name`, or `None` if there is none; see [`law_by_name`].
             pub fn named(name: &str, coefficients: Coefficients<T>) -> Option<Self> {
                 Some(Self(match name {
-                    $($name => Kind::$law($law { $($coefficient: coefficients.$coefficient),* }),)*
+                    $($name $(| $alias)* => Kind::$law($law { $($coefficient: coefficients.$coefficient),* }),)*
                     _ => return None,
                 }))
             }

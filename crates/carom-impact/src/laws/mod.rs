@@ -33,10 +33,10 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 ///
 /// ```text
 /// /// what the law is, for the classes of the Python package
-/// "name" Type { coefficients } "what the law is, in the help of the command line: 70 columns at most";
+/// "name" | "alias" Type { coefficients } "what the law is, in the help of the command line: 70 columns at most";
 /// ```
 ///
-/// The coefficients are fields of the type and of [`Coefficients`](crate::Coefficients), `restitution` first.
+/// Aliases are read wherever the name is, and never written. The coefficients are fields of the type and of [`Coefficients`](crate::Coefficients), `restitution` first.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! law_table {
@@ -60,7 +60,7 @@ macro_rules! law_table {
                 "ratio of impulses (Poisson), friction at each instant";
 
             /// Stronge's law along the path of the slip: the ratio of normal works is the square of `restitution`. Never gains energy.
-            "energetic" Energetic { restitution, friction }
+            "energetic" | "stronge" Energetic { restitution, friction }
                 "ratio of works (Stronge), friction at each instant";
 
             /// Chatterjee and Ruina's law: an algebraic law with a coefficient of tangential restitution. Never gains energy.

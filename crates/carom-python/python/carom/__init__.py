@@ -93,7 +93,7 @@ def fit(
     loss="huber",
     inertia=False,
     max_friction=1.0,
-    train=0.5,
+    train=1.0,
     seed=0,
     confidence=0.95,
 ):
@@ -109,11 +109,11 @@ def fit(
       the "whole" toss or "early", to 0.1 s after the first impact.
 
     Args:
-        law: name of the law, any but "frictionless".
+        law: name of the law.
         loss: "huber" or "squares".
         inertia: fits the scale of rotational inertia too; needs a robot.
         max_friction: largest friction of the search.
-        train: share of the measurements that is fitted; the rest is the test.
+        train: share of the measurements that is fitted; the rest, if any, is the test.
         seed: of the split into both, and of the bootstrap.
         confidence: level of the intervals.
 

@@ -1523,7 +1523,7 @@ def fit(
     loss: Literal["huber", "squares"] = "huber",
     inertia: bool = False,
     max_friction: float = 1.0,
-    train: float = 0.5,
+    train: float = 1.0,
     seed: int = 0,
     confidence: float = 0.95,
 ) -> Fit:

@@ -163,7 +163,9 @@ impl MeasuredImpact {
         if speed > 0.0 { Ok(self) } else { Err(FitError::NoApproach { normal_velocity: -speed }) }
     }
 
-    fn approach_speed(&self) -> f64 {
+    /// −u_n⁻, m/s.
+    #[doc(hidden)] // for carom-evidence
+    pub fn approach_speed(&self) -> f64 {
         match &self.problem {
             Problem::Plane(problem) => problem.approach_speed(),
             Problem::Space(problem) => problem.approach_speed(),
@@ -171,7 +173,8 @@ impl MeasuredImpact {
     }
 
     /// Whether the impact was measured at a chain, so that its inertia can be scaled.
-    pub(crate) fn has_robot(&self) -> bool {
+    #[doc(hidden)] // for carom-evidence
+    pub fn has_robot(&self) -> bool {
         self.chain.is_some()
     }
 

@@ -39,7 +39,7 @@ pub use loss::Loss;
 pub use trajectories::fit_trajectories;
 pub use velocities::fit_velocities;
 
-use carom_impact::LAW_NAMES;
+use carom_impact::{Coefficients, LawInfo};
 use serde::Serialize;
 
 #[doc(hidden)] // for carom-evidence
@@ -50,7 +50,7 @@ pub use search::Region;
 /// Options of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitOptions<'a> {
-    /// The law, one of [`LAW_NAMES`] except `frictionless`.
+    /// The law: one of [`LAW_NAMES`](carom_impact::LAW_NAMES), or an alias of it.
     pub law: &'a str,
     /// The loss.
     pub loss: Loss,
@@ -68,14 +68,14 @@ pub struct FitOptions<'a> {
 }
 
 impl Default for FitOptions<'_> {
-    /// Stronge's law, Huber's loss, no scale of inertia, friction up to 1, half for training, seed 0, 95 %.
+    /// Stronge's law, Huber's loss, no scale of inertia, friction up to 1, all measurements for training, seed 0, 95 %.
     fn default() -> Self {
         Self {
             law: "energetic",
             loss: Loss::Huber,
             inertia: false,
             max_friction: 1.0,
-            train: 0.5,
+            train: 1.0,
             seed: 0,
             confidence: 0.95,
         }
@@ -113,7 +113,7 @@ pub struct Fit {
     pub loss: Loss,
     /// Error beyond which the loss grows linearly, in the unit of [`Misfit::error`]; `None` for least squares.
     pub threshold: Option<f64>,
-    /// Restitution, friction and, if requested, the scale of inertia.
+    /// Restitution, friction unless the law has none, and, if requested, the scale of inertia.
     pub coefficients: Vec<Coefficient>,
     /// Errors of the training set.
     pub train: Score,
@@ -254,21 +254,10 @@ impl Score {
     }
 }
 
-const NAMES: [&str; 3] = ["restitution", "friction", "inertia scale"];
-
 impl FitOptions<'_> {
-    fn check(&self) -> Result<(), FitError> {
-        if !LAW_NAMES.contains(&self.law) {
-            return Err(FitError::unknown_law(self.law));
-        }
-        if self.law == "frictionless" {
-            let known: Vec<&str> = LAW_NAMES.into_iter().filter(|&name| name != self.law).collect();
-            return Err(FitError::Input(format!(
-                "the law '{}' has no coefficient of friction to fit: choose one of {}",
-                self.law,
-                known.join(", ")
-            )));
-        }
+    /// What is fitted, after a check of all options.
+    fn model(&self) -> Result<Model, FitError> {
+        let law = LawInfo::named(self.law).ok_or_else(|| FitError::unknown_law(self.law))?;
         let refuse = |what, value, rule| Err(FitError::setting(what, value, rule));
         if !(self.max_friction > 0.0 && self.max_friction <= 100.0) {
             return refuse("largest friction", self.max_friction, "it must be above 0 and at most 100");
@@ -279,16 +268,18 @@ impl FitOptions<'_> {
         if !(self.confidence >= 0.5 && self.confidence < 1.0) {
             return refuse("confidence", self.confidence, "it must be at least 0.5 and below 1");
         }
-        Ok(())
-    }
-
-    fn parameters(&self) -> usize {
-        if self.inertia { 3 } else { 2 }
+        let all = [
+            ("restitution", true, (0.0, 1.0)),
+            (FRICTION, law.has(FRICTION), (0.0, self.max_friction)),
+            (INERTIA, self.inertia, (0.5, 2.0)),
+        ];
+        let of = all.into_iter().filter(|(_, fitted, _)| *fitted).map(|(name, _, bounds)| (name, bounds)).collect();
+        Ok(Model { law: law.name, coefficients: of })
     }
 
     /// Indices of the training set among `all` measurements, ascending, by a seeded shuffle.
-    fn split(&self, all: usize, of: &'static str) -> Result<Vec<usize>, FitError> {
-        let parameters = self.parameters();
+    fn split(&self, model: &Model, all: usize, of: &'static str) -> Result<Vec<usize>, FitError> {
+        let parameters = model.coefficients.len();
         let found = ((all as f64 * self.train).round() as usize).min(all);
         let needed = parameters + 1;
         if found < needed {
@@ -303,16 +294,41 @@ impl FitOptions<'_> {
         order.sort_unstable();
         Ok(order)
     }
-
-    /// Bounds of each coefficient.
-    fn bounds(&self) -> Vec<(f64, f64)> {
-        let mut bounds = vec![(0.0, 1.0), (0.0, self.max_friction)];
-        if self.inertia {
-            bounds.push(INERTIA);
-        }
-        bounds
-    }
 }
 
-/// Bounds of the scale of inertia.
-const INERTIA: (f64, f64) = (0.5, 2.0);
+/// Names of the coefficients that not every fit has.
+const FRICTION: &str = "friction";
+const INERTIA: &str = "inertia scale";
+
+/// What is fitted: a law and the coefficients of its fit.
+struct Model {
+    /// One of [`LAW_NAMES`](carom_impact::LAW_NAMES).
+    law: &'static str,
+    /// Names with the ends of the search.
+    coefficients: Vec<(&'static str, (f64, f64))>,
+}
+
+impl Model {
+    /// The coefficient called `name` of `x`; `None` if it is not fitted.
+    fn get(&self, x: &[f64], name: &str) -> Option<f64> {
+        self.coefficients.iter().position(|(own, _)| *own == name).map(|k| x[k])
+    }
+
+    /// The coefficients of the law.
+    fn law(&self, x: &[f64]) -> Coefficients {
+        Coefficients { restitution: x[0], friction: self.get(x, FRICTION).unwrap_or(0.0), ..Coefficients::default() }
+    }
+
+    /// The box of the search, with a grid of restitutions, of shares of the largest friction, and of scales of inertia.
+    fn region(&self, restitution: &[f64], friction: &[f64], inertia: &[f64]) -> Region {
+        let grid = |&(name, (_, high)): &(&str, (f64, f64))| match name {
+            FRICTION => friction.iter().map(|share| share * high).collect(),
+            INERTIA => inertia.to_vec(),
+            _ => restitution.to_vec(),
+        };
+        Region {
+            bounds: self.coefficients.iter().map(|(_, bounds)| *bounds).collect(),
+            grid: self.coefficients.iter().map(grid).collect(),
+        }
+    }
+}

@@ -51,6 +51,9 @@ impl Region {
         cost: &dyn Fn(&[f64]) -> f64,
     ) -> (Vec<f64>, f64) {
         let first = cost(start);
+        if start.is_empty() {
+            return (Vec::new(), first); // nothing is left to search: the other coefficient of two is fixed
+        }
         let scale = if first > 0.0 { first } else { 1.0 };
         let mut simplex = vec![start.to_vec()];
         for (k, &(low, high)) in self.bounds.iter().enumerate() {

@@ -9,9 +9,8 @@ use super::confidence::{percentiles, resample};
 use super::error::FitError;
 use super::loss::{Cost, Loss, median};
 use super::search::Region;
-use super::{Coefficient, Fit, FitOptions, FittedTo, Interval, Misfit, NAMES, Score};
+use super::{Coefficient, FRICTION, Fit, FitOptions, FittedTo, INERTIA, Interval, Misfit, Model, Score};
 use crate::tosses::{Horizon, Launch, RollOut, RollOutOptions, Scene, Start, TossError, Tosses};
-use carom_impact::Coefficients;
 use carom_sim::{ContactLaw, ContactRule};
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -32,7 +31,7 @@ pub fn fit_trajectories(
     roll: &RollOutOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Fit, FitError> {
-    options.check()?;
+    let model = options.model()?;
     let positive = |what, value: f64| {
         let rule = "it must be positive and finite";
         if value > 0.0 && value.is_finite() { Ok(()) } else { Err(FitError::setting(what, value, rule)) }
@@ -44,18 +43,8 @@ pub fn fit_trajectories(
     let launches: Vec<Launch> = tosses.launches(roll.start).into_iter().collect::<Result<_, _>>().map_err(refuse)?;
     let known = |k: &usize| launches[*k].end(&tosses.tosses[*k], roll.horizon).is_some();
     let scored: Vec<usize> = (0..launches.len()).filter(known).collect();
-    let train = options.split(scored.len(), "tosses")?.into_iter().map(|k| scored[k]).collect();
-    Work {
-        tosses,
-        launches,
-        scored,
-        law: options.law,
-        roll,
-        train,
-        inertia: options.inertia,
-        trials: RefCell::default(),
-    }
-    .fit(options, progress)
+    let train = options.split(&model, scored.len(), "tosses")?.into_iter().map(|k| scored[k]).collect();
+    Work { tosses, launches, scored, model, roll, train, trials: RefCell::default() }.fit(options, progress)
 }
 
 struct Trial {
@@ -69,20 +58,18 @@ struct Work<'a> {
     launches: Vec<Launch>,
     /// Indices of the tosses that have the part that is fitted.
     scored: Vec<usize>,
-    law: &'a str,
+    model: Model,
     roll: &'a RollOutOptions,
     train: Vec<usize>,
-    inertia: bool,
     trials: RefCell<Vec<Trial>>,
 }
 
 impl Work<'_> {
     /// Roll-outs of the tosses `which` at the coefficients `x`.
     fn roll_out(&self, x: &[f64], which: &[usize], horizon: Horizon) -> Result<Vec<RollOut>, FitError> {
-        let scale = if self.inertia { x[2] } else { 1.0 };
+        let scale = self.model.get(x, INERTIA).unwrap_or(1.0);
         let scene = Scene { chain: self.tosses.chain.with_inertia_scaled(scale)?, ..self.tosses.scene() };
-        let coefficients = Coefficients { restitution: x[0], friction: x[1], ..Coefficients::default() };
-        let law = ContactLaw::named(self.law, coefficients);
+        let law = ContactLaw::named(self.model.law, self.model.law(x));
         let rule = ContactRule::new(law.unwrap_or_else(|| unreachable!("the name was checked before the search")));
         let (tosses, launches, roll) = (&self.tosses.tosses, &self.launches, self.roll);
         let one = |&k: &usize| {
@@ -117,14 +104,8 @@ impl Work<'_> {
     }
 
     fn fit(self, options: &FitOptions, progress: &(dyn Fn(usize, usize) + Sync)) -> Result<Fit, FitError> {
-        let bounds = options.bounds();
-        let shares = [0.04, 0.1, 0.2, 0.35, 0.6, 1.0];
-        let mut grid =
-            vec![vec![0.0, 0.1, 0.2, 0.35, 0.5, 0.75], shares.map(|share| share * options.max_friction).to_vec()];
-        if options.inertia {
-            grid.push(vec![0.75, 1.0, 1.4]);
-        }
-        let region = Region { bounds, grid };
+        let (restitution, friction) = ([0.0, 0.1, 0.2, 0.35, 0.5, 0.75], [0.04, 0.1, 0.2, 0.35, 0.6, 1.0]);
+        let region = self.model.region(&restitution, &friction, &[0.75, 1.0, 1.4]);
         let points = region.points();
         // coarse grid, finer grid of five values per coefficient (some of them known), and the final search
         let total = points.len() + 4 * 5_usize.pow(region.bounds.len() as u32) / 5 + STEPS as usize;
@@ -194,11 +175,11 @@ impl Work<'_> {
         if self.roll.start == Start::Fitted && tables > 0 {
             notes.push(format!("{tables} tosses start from the table, because no start can be fitted to their flight"));
         }
-        let coefficients = intervals(&trials, &x, cost, &region, options, &mut notes);
+        let coefficients = intervals(&trials, &x, cost, &self.model, options, &mut notes);
         progress(total, total);
         Ok(Fit {
             to: FittedTo::Trajectories,
-            law: self.law.into(),
+            law: self.model.law.into(),
             loss: options.loss,
             threshold: cost.threshold.is_finite().then_some(cost.threshold * cost.threshold),
             coefficients,
@@ -215,7 +196,7 @@ fn intervals(
     trials: &[Trial],
     x: &[f64],
     cost: Cost,
-    region: &Region,
+    model: &Model,
     options: &FitOptions,
     notes: &mut Vec<String>,
 ) -> Vec<Coefficient> {
@@ -233,16 +214,15 @@ fn intervals(
     for (k, &value) in x.iter().enumerate() {
         let (low, high) = percentiles(drawn.iter().map(|x| x[k]).collect(), options.confidence);
         let (low, high) = (low.min(value), high.max(value));
-        all.push(Coefficient { name: NAMES[k], value, low, high, interval: Interval::Bootstrap });
-        let (lower, upper) = region.bounds[k];
+        let (name, (lower, upper)) = model.coefficients[k];
+        all.push(Coefficient { name, value, low, high, interval: Interval::Bootstrap });
         if let Some(end) = [lower, upper].into_iter().find(|end| (value - end).abs() < 1e-6 * (upper - lower)) {
-            let more = if k == 1 && end > 0.0 { ": raise the largest friction" } else { "" };
-            notes.push(format!("{} is at its bound {end}{more}", NAMES[k]));
+            let more = if name == FRICTION && end > 0.0 { ": raise the largest friction" } else { "" };
+            notes.push(format!("{name} is at its bound {end}{more}"));
         }
         if high - low > 0.9 * (upper - lower) {
             notes.push(format!(
-                "the interval of {} covers more than 90 % of the range searched: it is poorly identified",
-                NAMES[k]
+                "the interval of {name} covers more than 90 % of the range searched: it is poorly identified"
             ));
         }
     }

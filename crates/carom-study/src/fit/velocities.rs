@@ -5,9 +5,8 @@ use super::error::FitError;
 use super::jumps::{LawPair, MeasuredImpact};
 use super::loss::{Cost, Loss, median};
 use super::search::Region;
-use super::{Coefficient, Fit, FitOptions, FittedTo, Interval, Misfit, NAMES, Score};
+use super::{Coefficient, FRICTION, Fit, FitOptions, FittedTo, INERTIA, Interval, Misfit, Model, Score};
 use carom_chain::Chain;
-use carom_impact::Coefficients;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -25,21 +24,21 @@ pub fn fit_velocities(
     options: &FitOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Fit, FitError> {
-    options.check()?;
+    let model = options.model()?;
     if options.inertia && (chain.is_none() || !impacts.iter().all(MeasuredImpact::has_robot)) {
         return Err(FitError::NoInertia);
     }
-    let train = options.split(impacts.len(), "impacts")?;
+    let train = options.split(&model, impacts.len(), "impacts")?;
     let size = median(train.iter().map(|&k| impacts[k].size()));
     let chain = chain.filter(|_| options.inertia);
-    let work = Work { impacts, chain, law: options.law, train, size, trials: AtomicUsize::new(0) };
+    let work = Work { impacts, chain, model, train, size, trials: AtomicUsize::new(0) };
     work.fit(options, progress)
 }
 
 struct Work<'a> {
     impacts: &'a [MeasuredImpact],
     chain: Option<&'a Chain>,
-    law: &'a str,
+    model: Model,
     train: Vec<usize>,
     /// Median size of the jumps, m/s.
     size: f64,
@@ -64,17 +63,19 @@ impl Work<'_> {
     /// Residuals of the impacts `which` at the coefficients `x`.
     fn residuals(&self, x: &[f64], which: &[usize]) -> Result<Vec<DVector<f64>>, FitError> {
         self.trials.fetch_add(1, Ordering::Relaxed);
-        let coefficients = Coefficients { restitution: x[0], friction: x[1], ..Coefficients::default() };
-        let law = LawPair::new(self.law, coefficients)?;
-        let scaled = match self.chain {
-            Some(chain) => Some(chain.with_inertia_scaled(x[2])?),
-            None => None,
-        };
+        let law = LawPair::new(self.model.law, self.model.law(x))?;
+        let scaled = self.scaled(x)?;
         let one = |&k: &usize| match &scaled {
             Some(chain) => Ok(self.impacts[k].on(chain)?.residual(&law)?),
             None => Ok(self.impacts[k].residual(&law)?),
         };
         if which.len() > MANY { which.par_iter().map(one).collect() } else { which.iter().map(one).collect() }
+    }
+
+    /// The robot with the inertia of `x`; `None` if it is not fitted.
+    fn scaled(&self, x: &[f64]) -> Result<Option<Chain>, FitError> {
+        let (Some(chain), Some(scale)) = (self.chain, self.model.get(x, INERTIA)) else { return Ok(None) };
+        Ok(Some(chain.with_inertia_scaled(scale)?))
     }
 
     /// Norms of the training residuals. An error of the law counts as a residual larger than any other.
@@ -86,15 +87,8 @@ impl Work<'_> {
     }
 
     fn fit(&self, options: &FitOptions, progress: &(dyn Fn(usize, usize) + Sync)) -> Result<Fit, FitError> {
-        let bounds = options.bounds();
-        let mut grid = vec![
-            vec![0.0, 0.2, 0.4, 0.6, 0.8, 1.0],
-            [0.0, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0].map(|share| share * options.max_friction).to_vec(),
-        ];
-        if options.inertia {
-            grid.push(vec![0.6, 1.0, 1.6]);
-        }
-        let region = Region { bounds, grid };
+        let (restitution, friction) = ([0.0, 0.2, 0.4, 0.6, 0.8, 1.0], [0.0, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0]);
+        let region = self.model.region(&restitution, &friction, &[0.6, 1.0, 1.6]);
         let points = region.points();
         let total = points.len() + 3;
         let mut seen: Vec<(Vec<f64>, Vec<f64>)> = Vec::new();
@@ -154,7 +148,7 @@ impl Work<'_> {
         progress(total, total);
         Ok(Fit {
             to: FittedTo::Velocities,
-            law: self.law.into(),
+            law: self.model.law.into(),
             loss: options.loss,
             threshold: cost.threshold.is_finite().then_some(cost.threshold),
             coefficients,
@@ -169,10 +163,7 @@ impl Work<'_> {
     /// Errors of all impacts at the fitted coefficients.
     fn each(&self, x: &[f64]) -> Result<Vec<Misfit>, FitError> {
         let all: Vec<usize> = (0..self.impacts.len()).collect();
-        let scaled = match self.chain {
-            Some(chain) => Some(chain.with_inertia_scaled(x[2])?),
-            None => None,
-        };
+        let scaled = self.scaled(x)?;
         let residuals = self.residuals(x, &all)?;
         let one = |k: usize| {
             let impact = match &scaled {
@@ -186,7 +177,7 @@ impl Work<'_> {
                 whole: None,
                 early: None,
                 least: Some(impact.least_residual(f64::INFINITY)),
-                least_in_cone: Some(impact.least_residual(x[1])),
+                least_in_cone: Some(impact.least_residual(self.model.law(x).friction)),
             })
         };
         all.par_iter().map(|&k| one(k)).collect()
@@ -246,12 +237,12 @@ impl Work<'_> {
             let reach = Reach { width: width.max(ON_BOUND * side(k)), rise: rise + rounding };
             let (low, high) = region.bounds[k];
             let [low, high] = [low, high].map(|end| self.edge(region, (x, k), end, reach, (cost, value)));
-            all.push(Coefficient { name: NAMES[k], value: fitted, low, high, interval });
+            all.push(Coefficient { name: self.model.coefficients[k].0, value: fitted, low, high, interval });
         }
         for (k, one) in all.iter().enumerate() {
-            let name = NAMES[k];
+            let name = one.name;
             if !known.contains(&k) {
-                let more = if k == 1 { " (sticking impacts are independent of friction)" } else { "" };
+                let more = if name == FRICTION { " (sticking impacts are independent of friction)" } else { "" };
                 notes.push(format!(
                     "{name} is not identified: the residuals do not depend on it{more}; all values from {} to {} fit equally \
                      well",
@@ -260,7 +251,7 @@ impl Work<'_> {
                 continue;
             }
             if let Some(end) = bound(k) {
-                let more = if k == 1 && end > 0.0 { ": raise the largest friction" } else { "" };
+                let more = if name == FRICTION && end > 0.0 { ": raise the largest friction" } else { "" };
                 notes.push(format!("{name} is at its bound {end}{more}"));
             }
             if one.interval == Interval::Alike {

@@ -472,15 +472,16 @@ fn laws(words: &Words) -> Result<Axis, String> {
     if words.0.is_empty() {
         return Err("[impact] law is empty: give at least one law".into());
     }
-    for (k, law) in words.0.iter().enumerate() {
-        if !LAW_NAMES.contains(&law.as_str()) {
-            return Err(format!("[impact] law = \"{law}\": {}", nearest(law, &LAW_NAMES)));
-        }
-        if words.0[..k].contains(law) {
+    let mut laws: Vec<String> = Vec::new();
+    for given in &words.0 {
+        let unknown = || format!("[impact] law = \"{given}\": {}", nearest(given, &LAW_NAMES));
+        let law = LawInfo::named(given).ok_or_else(unknown)?.name;
+        if laws.iter().any(|own| own == law) {
             return Err(format!("[impact] law holds \"{law}\" twice"));
         }
+        laws.push(law.to_owned());
     }
-    Ok(Axis::words("law", words.0.clone()))
+    Ok(Axis::words("law", laws))
 }
 
 /// A hint for an unknown name: the most similar known name, and all known names.
