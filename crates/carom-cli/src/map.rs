@@ -1,7 +1,7 @@
 //! `carom map`: impact maps of a study.
 
 use crate::error::CliError;
-use crate::files;
+use crate::files::{self, Kind, Outputs};
 use crate::output::{answer, progress, say, short, write_whole};
 use crate::record::{check_map, check_recording, record_map};
 use carom_study::map_study::{Advice, MapFile, Study, Written};
@@ -9,16 +9,16 @@ use clap::{ArgGroup, Args};
 use serde::Serialize;
 use serde_json::{Map, Value};
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Compute a map of impacts over poses, approach angles, speeds, coefficients and laws
 ///
 /// Input: a study (TOML) that names the robot, the axes of the map (joint positions or tip
 /// positions, approach angles, speeds, restitution, friction, normals, laws) and the quantities.
 /// Output: one row for each combination of the values, with the columns of the axes, the class of
-/// the row and the quantities. The last axis of the study varies fastest. At least one of --out,
-/// --svg, --rrd and --advise is needed; a summary is printed: the axes, the number of rows, the
-/// columns and the files written.
+/// the row and the quantities. The last axis of the study varies fastest. At least one of --out and
+/// --advise is needed; a summary is printed: the axes, the number of rows, the columns and the
+/// files written.
 /// JSON keys: study, rows, columns, out, svg, rrd, advice {column, goal, fulfil, best_median_worst,
 ///   best [{row, q, values, self_motion}]}.
 /// An interruption (Ctrl-C) or a full disk keeps the rows that are done in X.partial.csv or
@@ -26,28 +26,20 @@ use std::path::PathBuf;
 /// 1, and --resume continues.
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
-#[command(
-    override_usage = "carom map [OPTIONS] <--out <X.parquet|csv>|--svg <X.svg>|--rrd <X.rrd>|--advise> <STUDY.toml>"
-)]
-#[command(group(ArgGroup::new("result").args(["out", "svg", "rrd", "advise"]).required(true).multiple(true)))]
+#[command(override_usage = "carom map [OPTIONS] <--out <FILE>|--advise> <STUDY.toml>")]
+#[command(group(ArgGroup::new("result").args(["out", "advise"]).required(true).multiple(true)))]
 pub struct MapCommand {
     /// Study (TOML file)
     #[arg(value_name = "STUDY.toml")]
     study: PathBuf,
-    /// Write the map as CSV or Parquet, by the ending of the name
-    #[arg(long, value_name = "X.parquet|csv")]
-    out: Option<PathBuf>,
-    /// Draw one column of the whole map (SVG)
+    /// File to write, of the kind that the ending of its name says; may be repeated
     ///
-    /// A curve over one axis, a heat map over two, one heat map for each value of a third axis.
-    #[arg(long, value_name = "X.svg", conflicts_with = "shard", verbatim_doc_comment)]
-    svg: Option<PathBuf>,
-    /// Record one column of the whole map for the Rerun viewer
-    ///
-    /// The recording holds images, tip positions in space and poses of the arm. Needs a carom
+    /// .csv, .parquet: the map as a table. .svg: a picture of one column of the whole map: a curve over
+    /// one axis, a heat map over two, one heat map for each value of a third axis. .rrd: a recording
+    /// for the Rerun viewer, with images, tip positions in space and poses of the arm; needs a carom
     /// that is built with the feature `rerun`.
-    #[arg(long, value_name = "X.rrd", conflicts_with = "shard", verbatim_doc_comment)]
-    rrd: Option<PathBuf>,
+    #[arg(long, aliases = ["svg", "rrd"], value_name = "FILE", verbatim_doc_comment)]
+    out: Vec<PathBuf>,
     /// Column that is drawn and recorded [default: the first quantity of the study]
     #[arg(long, value_name = "COLUMN")]
     show: Option<String>,
@@ -168,10 +160,30 @@ fn parse_shard(text: &str) -> Result<(u64, u64), String> {
 
 impl MapCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
-        check_recording(self.rrd.as_deref())?;
+        let files = Outputs::of(&self.out, &[Kind::Table, Kind::Picture, Kind::Recording])?;
+        let table = match files.tables.as_slice() {
+            [] => None,
+            [one] if one == Path::new("-") => {
+                let why = "--out -: a map can be resumed from its file: give the name of a table, .csv or .parquet";
+                return Err(CliError::Option(why.into()));
+            }
+            [one] => Some(one.as_path()),
+            [one, other, ..] => {
+                let (one, other) = (one.display(), other.display());
+                return Err(CliError::Option(format!("--out {other}: --out {one} is a table too: give one")));
+            }
+        };
+        if self.shard.is_some() && (files.picture.is_some() || files.recording.is_some()) {
+            let why = "--shard: a picture and a recording are of the whole map: give tables only, or no --shard";
+            return Err(CliError::Option(why.into()));
+        }
+        if table.is_none() && (self.shard.is_some() || self.resume) {
+            let option = if self.resume { "--resume" } else { "--shard" };
+            return Err(CliError::Option(format!("{option} is for a table: give --out X.csv or --out X.parquet")));
+        }
+        check_recording(files.recording.as_deref())?;
         let study = Study::from_file(&self.study)?;
-        let writes = [("--out", self.out.as_deref()), ("--svg", self.svg.as_deref()), ("--rrd", self.rrd.as_deref())];
-        files::check(&study.files, &writes)?;
+        files::check(&study.files, &files.files())?;
         for warning in &study.warnings {
             say(&format!("warning: {}: {warning}", self.study.display()));
         }
@@ -184,10 +196,10 @@ impl MapCommand {
             )));
         }
         // What cannot be drawn, recorded or advised is refused before the map is computed.
-        if self.svg.is_some() {
+        if files.picture.is_some() {
             study.check_picture(shown)?;
         }
-        if self.rrd.is_some() {
+        if files.recording.is_some() {
             check_map(&study, shown)?;
         }
         if self.advise {
@@ -198,15 +210,15 @@ impl MapCommand {
         let pool = pool.map_err(|e| CliError::Option(format!("--threads: {e}")))?;
         let (part, parts) = self.shard.unwrap_or((1, 1));
         let rows = study.shard(part, parts).unwrap_or(0..study.rows());
-        if let Some(path) = &self.out {
-            let file = MapFile { path: path.clone(), rows: rows.clone(), resume: self.resume };
+        if let Some(path) = table {
+            let file = MapFile { path: path.to_owned(), rows: rows.clone(), resume: self.resume };
             self.write(&study, &file, &pool)?;
         }
-        if let Some(path) = &self.svg {
+        if let Some(path) = &files.picture {
             let svg = pool.install(|| study.picture(shown))?;
             write_whole(path, &svg)?;
         }
-        if let Some(path) = &self.rrd {
+        if let Some(path) = &files.recording {
             pool.install(|| record_map(&study, shown, path))?;
         }
         let advice = if self.advise { Some(pool.install(|| study.advise())?) } else { None };
@@ -214,9 +226,9 @@ impl MapCommand {
             study: self.study.display().to_string(),
             rows: rows.end - rows.start,
             columns: names,
-            out: self.out.as_deref().map(|path| path.display().to_string()),
-            svg: self.svg.as_deref().map(|path| path.display().to_string()),
-            rrd: self.rrd.as_deref().map(|path| path.display().to_string()),
+            out: table.map(|path| path.display().to_string()),
+            svg: files.picture.as_deref().map(|path| path.display().to_string()),
+            rrd: files.recording.as_deref().map(|path| path.display().to_string()),
             advice: advice.as_ref().map(|advice| Advised::of(&study, advice)),
         };
         let written = answer(out, &summary, self.json, |summary, out| for_people(&study, summary, out));

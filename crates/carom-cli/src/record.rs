@@ -85,7 +85,7 @@ fn without(who: &str) -> CliError {
 
 /// Refuses the recording of a map in a build without the feature `rerun`.
 pub fn check_recording(rrd: Option<&Path>) -> Result<(), CliError> {
-    if rrd.is_some() && !cfg!(feature = "rerun") { Err(without("--rrd needs")) } else { Ok(()) }
+    if rrd.is_some() && !cfg!(feature = "rerun") { Err(without("a recording needs")) } else { Ok(()) }
 }
 
 /// Refuses a map that a recording cannot show.

@@ -31,20 +31,21 @@ struct JumpLine {
 struct Answer {
     law: Option<IgnoredAny>,
     q: Option<Vec<f64>>,
-    qd: Option<Vec<f64>>,
+    #[serde(alias = "qd")]
+    qd_minus: Option<Vec<f64>>,
     qd_plus: Option<Vec<f64>>,
 }
 
 impl JumpLine {
     fn read(text: &str) -> Result<Self, LineError> {
         match serde_json::from_str::<Answer>(text) {
-            Ok(Answer { law: Some(_), q, qd, qd_plus }) => {
-                if q.is_none() || qd.is_none() || qd_plus.is_none() {
-                    let rule = "the answer of `carom impact` needs the keys q and qd of its state, and qd_plus";
+            Ok(Answer { law: Some(_), q, qd_minus, qd_plus }) => {
+                if q.is_none() || qd_minus.is_none() || qd_plus.is_none() {
+                    let rule = "the answer of `carom impact` needs the keys q, qd_minus and qd_plus";
                     return Err(LineError(rule.into()));
                 }
                 let (delassus, u_minus, u_plus, point) = (None, None, None, None);
-                Ok(Self { delassus, u_minus, u_plus, q, qd_minus: qd, qd_plus, point })
+                Ok(Self { delassus, u_minus, u_plus, q, qd_minus, qd_plus, point })
             }
             // a line that is no answer is read, or refused, as a jump
             _ => serde_json::from_str(text).map_err(|e| LineError(shorten(&e))),

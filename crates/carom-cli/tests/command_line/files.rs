@@ -60,17 +60,21 @@ const LAW: &str = "law --law all --restitution 0.5 --friction 0.2 --problems";
 fn outputs_that_would_replace_an_input_are_refused() {
     let desk = laid();
     let lost = "the command reads this file and would replace it: give another name";
-    for (from, to) in [("t.csv", "t.svg"), ("good.jsonl", "good.svg")] {
+    for (from, to) in
+        [("t.csv", "t.svg"), ("good.jsonl", "good.svg"), ("m.toml", "m.svg"), ("planar2.urdf", "robot.svg")]
+    {
         std::fs::copy(desk.0.join(from), desk.0.join(to)).unwrap();
     }
+    let study = std::fs::read_to_string(desk.0.join("m.toml")).unwrap();
+    desk.write("m.toml", &study.replace("planar2.urdf", "robot.svg"));
     for (args, named) in [
         ("consistency t.svg --out t.svg".to_owned(), "--out t.svg"),
         (format!("{LAW} good.svg --out ./good.svg"), "--out ./good.svg"),
         ("simulate s.toml --out torque.csv".into(), "--out torque.csv"),
         ("simulate s.toml --contacts torque.csv".into(), "--contacts torque.csv"),
         ("chart s.toml --out torque.svg".into(), "the numbers of --out, torque.csv"),
-        ("map m.toml --svg m.toml".into(), "--svg m.toml"),
-        ("map m.toml --svg planar2.urdf".into(), "--svg planar2.urdf"),
+        ("map m.svg --out m.svg".into(), "--out m.svg"),
+        ("map m.toml --svg robot.svg".into(), "--out robot.svg"),
     ] {
         leaves_all(&desk, &args, &format!("{named}: {lost}"));
     }
@@ -88,15 +92,24 @@ fn outputs_that_reach_an_input_through_a_link_are_refused() {
     std::os::unix::fs::symlink("t.svg", desk.0.join("link.csv")).unwrap();
     leaves_all(&desk, "consistency link.csv --out t.svg", &format!("--out t.svg: {lost}"));
     leaves_all(&desk, "consistency t.svg --out here/t.svg", &format!("--out here/t.svg: {lost}"));
-    let twice = "--svg here/m.csv: --out m.csv names the same file: give each its own";
-    leaves_all(&desk, "map m.toml --out m.csv --svg here/m.csv", twice);
+    let twice = "--out here/m.csv: --out m.csv is a table too: give one";
+    leaves_all(&desk, "map m.toml --out m.csv --out here/m.csv", twice);
 }
 
 #[test]
 fn two_outputs_of_the_same_file_are_refused() {
     let desk = laid();
     for (args, message) in [
-        ("map m.toml --out m.csv --svg m.csv", "--svg m.csv: --out m.csv names the same file: give each its own"),
+        ("map m.toml --out m.csv --out m.csv", "--out m.csv: --out m.csv is a table too: give one"),
+        (
+            "map m.toml --out -",
+            "--out -: a map can be resumed from its file: give the name of a table, .csv or .parquet",
+        ),
+        (
+            "map m.toml --out m.svg --shard 1/2",
+            "--shard: a picture and a recording are of the whole map: give tables only, or no --shard",
+        ),
+        ("map m.toml --out m.svg --resume", "--resume is for a table: give --out X.csv or --out X.parquet"),
         (
             "simulate s.toml --out x.csv --out ./x.csv",
             "--out ./x.csv: --out x.csv names the same file: give each its own",
@@ -119,7 +132,6 @@ fn missing_folders_of_outputs_are_refused_before_any_work() {
         ("simulate s.toml".into(), "--out"),
         ("chart s.toml".into(), "--out"),
         ("map m.toml".into(), "--out"),
-        ("map m.toml".into(), "--svg"),
         ("paper".into(), "--out"),
         ("stress".into(), "--out"),
     ] {
@@ -129,7 +141,8 @@ fn missing_folders_of_outputs_are_refused_before_any_work() {
         leaves_all(&desk, &format!("{args} {option} {file}"), &message);
     }
     let folder = "it is a folder or a device: give the name of a file";
-    leaves_all(&desk, "map m.toml --out .", &format!("--out .: {folder}"));
+    std::fs::create_dir(desk.0.join("folder.csv")).unwrap();
+    leaves_all(&desk, "map m.toml --out folder.csv", &format!("--out folder.csv: {folder}"));
     std::fs::create_dir(desk.0.join("folder.svg")).unwrap();
     leaves_all(&desk, "consistency t.csv --out folder.svg", &format!("--out folder.svg: {folder}"));
 }
@@ -207,13 +220,13 @@ fn recordings_without_the_feature_are_refused_before_anything_is_read() {
         let message = format!("--out, --connect and --spawn need {without}");
         leaves_all(&desk, &format!("{LAW} {file} --out x.rrd"), &message);
     }
-    leaves_all(&desk, "map m.toml --out m.csv --rrd m.rrd", &format!("--rrd needs {without}"));
+    leaves_all(&desk, "map m.toml --out m.csv --rrd m.rrd", &format!("a recording needs {without}"));
 }
 
 #[test]
 fn map_needs_an_output_and_an_existing_column() {
     let desk = laid();
-    for words in ["--out <X.parquet|csv>", "--svg <X.svg>", "--rrd <X.rrd>", "--advise"] {
+    for words in ["--out <FILE>", "--advise"] {
         usage(desk.run("map m.toml"), words);
     }
     for args in ["--out m.csv --show impulses", "--out m.csv --svg m.svg --show impulses"] {

@@ -244,7 +244,7 @@ fn invalid_contact_rules_are_refused() {
             ),
             (
                 &pair("link = \"tip\"\nlach = true"),
-                "line 13: unknown field `lach`, expected one of `link`, `surface`, `joint`, `law`, `restitution`, \
+                "line 13: unknown field `lach`, expected one of `link`, `surface`, `joint`, `disabled`, `law`, `restitution`, \
                  `tangential_restitution`, `friction`, `latch`, `compliance`, `relative_stiffness`; did you mean `latch`?",
             ),
         ],
