@@ -4,11 +4,13 @@ use crate::array::{Array, Given, Maybe, Target, array, together, vector};
 use crate::batch::each_row;
 use crate::chain::Chain;
 use crate::error::raise;
-use carom_chain::{ChainError, Kinematics, Point, Spatial, Workspace};
+use carom_chain::{ChainError, FramePoint, Kinematics, Point, Spatial, ToolMotion, Workspace};
+use carom_sim::JointImpulse;
 use nalgebra::{DMatrix, Vector3};
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::PyType;
+use pyo3::types::{PyDict, PyType};
 
 type Kin<'a> = Kinematics<'a, Spatial<f64>>;
 
@@ -53,9 +55,9 @@ pub fn offset(point: Maybe) -> PyResult<Vector3<f64>> {
     point.map_or(Ok(Vector3::zeros()), |point| Ok(vector("point", point)?.into()))
 }
 
-/// Gravity, m/s²; zero if it is not given.
+/// Gravity, m/s²; that of the Earth along z if it is not given, as in scenes.
 pub fn free_fall(gravity: Maybe) -> PyResult<Vector3<f64>> {
-    gravity.map_or(Ok(Vector3::zeros()), |gravity| Ok(vector("gravity", gravity)?.into()))
+    gravity.map_or(Ok(Vector3::new(0.0, 0.0, -9.81)), |gravity| Ok(vector("gravity", gravity)?.into()))
 }
 
 /// Copies a matrix row by row.
@@ -148,10 +150,85 @@ impl Chain {
         })
     }
 
+    /// Joint velocities that give a point of a link a velocity, shape (nv,) or (B, nv), rad/s and m/s.
+    ///
+    /// Args:
+    ///     frame: name of the link.
+    ///     velocity: velocity of the point, world axes, m/s, shape (3,).
+    ///     point: the point in the axes of the link, m; its origin by default.
+    ///     motion: "least-energy": those of the least kinetic energy; "least-norm": of the least sum of squares;
+    ///         "without-rotation": the link does not turn, and of these the ones of the least kinetic energy.
+    ///
+    /// Raises:
+    ///     ChainError: no joint velocities give the point this velocity.
+    #[pyo3(signature = (q, frame, velocity, *, point=None, motion="least-energy", out=None))]
+    #[allow(clippy::too_many_arguments)]
+    fn tool_velocity<'py>(
+        &self,
+        py: Python<'py>,
+        q: Given<'_, 'py>,
+        frame: &str,
+        velocity: Given<'_, 'py>,
+        point: Maybe<'_, 'py>,
+        motion: &str,
+        out: Maybe<'_, 'py>,
+    ) -> PyResult<Array<'py>> {
+        let motion = ToolMotion::from_name(motion).map_err(|why| PyValueError::new_err(format!("motion: {why}")))?;
+        let at = FramePoint::new(self.frame(frame)?, offset(point)?);
+        let velocity: Vector3<f64> = vector("velocity", velocity)?.into();
+        self.at_states(py, q, [], (&[self.chain.nv()], out), |kin, [], out| {
+            out.copy_from_slice(kin.tool_velocity(at, velocity, motion)?.as_slice());
+            Ok(())
+        })
+    }
+
+    /// The loads of an impact on the joints: what their drives, gears and bearings get.
+    ///
+    /// Args:
+    ///     q: configuration, shape (nq,).
+    ///     change: change of the joint velocities, qd_plus - qd, shape (nv,).
+    ///     frame: name of the link that is hit.
+    ///     impulse: impulse on the link, world axes, N s, shape (3,).
+    ///     point: contact point in the axes of the link, m; its origin by default.
+    ///
+    /// Returns:
+    ///     A dict of joint_impulse, Jᵀp of shape (nv,), N m s or N s; and bearings, by joint the force (N s) and the moment (N m s)
+    ///     of the impulse that its parent link exerts on its child link, in the axes of the child link, about its origin.
+    #[pyo3(signature = (q, change, frame, impulse, *, point=None))]
+    fn impact_loads<'py>(
+        &self,
+        py: Python<'py>,
+        q: Given<'_, 'py>,
+        change: Given<'_, 'py>,
+        frame: &str,
+        impulse: Given<'_, 'py>,
+        point: Maybe<'_, 'py>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let at = FramePoint::new(self.frame(frame)?, offset(point)?);
+        let impulse: Vector3<f64> = vector("impulse", impulse)?.into();
+        let (q, change) = (self.q(q)?, self.v("change", change)?);
+        if q.count().is_some() || change.count().is_some() {
+            return Err(PyTypeError::new_err("impact_loads needs one state: call it for each state of the batch"));
+        }
+        let (q, change) = (q.plain(), change.plain());
+        let loads = carom_sim::impact_loads(&self.chain, q.row(0), change.row(0), &[(at, impulse)]).map_err(raise)?;
+        let bearings = PyDict::new(py);
+        for JointImpulse { joint, force, moment } in loads.through {
+            let own = PyDict::new(py);
+            own.set_item("force", array(py, force.as_slice().to_vec(), &[3])?)?;
+            own.set_item("moment", array(py, moment.as_slice().to_vec(), &[3])?)?;
+            bearings.set_item(joint, own)?;
+        }
+        let all = PyDict::new(py);
+        all.set_item("joint_impulse", array(py, loads.joint_impulse, &[self.chain.nv()])?)?;
+        all.set_item("bearings", bearings)?;
+        Ok(all)
+    }
+
     /// Bias force C q̇ + g, shape (nv,) or (B, nv), N m and N.
     ///
     /// Args:
-    ///     gravity: acceleration of free fall, world axes, m/s²; zero by default.
+    ///     gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
     #[pyo3(signature = (q, qd, *, gravity=None, out=None))]
     fn bias<'py>(
         &self,
@@ -172,7 +249,7 @@ impl Chain {
     ///
     /// Args:
     ///     qdd: joint accelerations, shape of qd.
-    ///     gravity: acceleration of free fall, world axes, m/s²; zero by default.
+    ///     gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
     #[pyo3(signature = (q, qd, qdd, *, gravity=None, out=None))]
     fn inverse_dynamics<'py>(
         &self,
@@ -194,7 +271,7 @@ impl Chain {
     ///
     /// Args:
     ///     tau: joint forces, shape of qd, N m and N; zero by default.
-    ///     gravity: acceleration of free fall, world axes, m/s²; zero by default.
+    ///     gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
     ///
     /// Raises:
     ///     ChainError: a singular mass matrix, massless links.
@@ -268,7 +345,7 @@ impl Chain {
     /// world's origin.
     ///
     /// Args:
-    ///     gravity: acceleration of free fall, world axes, m/s²; zero by default.
+    ///     gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
     #[pyo3(signature = (q, qd, *, gravity=None))]
     fn energies<'py>(
         &self,

@@ -279,7 +279,7 @@ impl Chain {
     ///         and contact_time (s) of drives that act during the impact.
     ///     derivatives: also computes the derivatives of qd_plus by q, qd, restitution and friction.
     ///     saltation: also computes the saltation matrix for an impact with a plane at rest.
-    ///     gravity: acceleration of free fall for the saltation matrix, world axes, m/s²; zero by default.
+    ///     gravity: acceleration of free fall for the saltation matrix, world axes, m/s²; (0, 0, -9.81) by default.
     ///     band: ((e_low, e_high), (mu_low, mu_high)): also computes bounds over these ranges of the coefficients.
     ///
     /// Returns:

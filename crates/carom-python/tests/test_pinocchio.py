@@ -142,3 +142,42 @@ def test_the_frictionless_impulse_is_that_of_pinocchio(stem, rng):
 
 def test_most_robots_are_compared():
     assert len(FILES) >= 60 and len(REFUSED) <= 5
+
+
+def test_impulses_through_joints_are_those_of_pinocchio():
+    """The recursive Newton-Euler algorithm of Pinocchio at rest, for an acceleration that is the jump and a force that is the impulse:
+    its data.f is the wrench through each joint, in the axes of the joint, which are those of the child link. Rounding of sums."""
+    file = next(file for file in FILES if file.stem == "panda")
+    pair, rng = Pair(file, False), np.random.default_rng(5)
+    chain, model, data = pair.chain, pair.model, pair.data
+    model.gravity = pin.Motion(np.zeros(3), np.zeros(3))
+    frame = model.getFrameId(pair.frame, pin.FrameType.BODY)
+    for _ in range(20):
+        q, change, impulse = chain.random_configuration(rng=rng), rng.normal(size=chain.nv), rng.normal(size=3)
+        point = rng.normal(size=3)
+        loads = chain.impact_loads(q, change, pair.frame, impulse, point=point)
+        q_pin = chain.to_pinocchio(q, change)[0]
+        close(loads["joint_impulse"], pair.point_jacobian(q_pin, point).T @ impulse)
+        forces = [pin.Force.Zero() for _ in range(model.njoints)]
+        local = data.oMf[frame].rotation.T @ impulse
+        forces[model.frames[frame].parentJoint] = model.frames[frame].placement.act(pin.Force(local, np.cross(point, local)))
+        pin.rnea(model, data, q_pin, np.zeros(model.nv), pair.T @ change, forces)
+        assert len(loads["bearings"]) == model.njoints - 1
+        for joint, own in loads["bearings"].items():
+            theirs = data.f[model.getJointId(joint)]
+            close(np.concatenate([own["force"], own["moment"]]), np.concatenate([theirs.linear, theirs.angular]), 1e-11)
+
+
+def test_tool_velocities_are_those_of_the_jacobian_of_pinocchio():
+    file = next(file for file in FILES if file.stem == "ur5_robot")
+    pair, rng = Pair(file, False), np.random.default_rng(6)
+    chain, u = pair.chain, np.array([0.3, -0.2, 0.5])
+    for _ in range(20):
+        q = chain.random_configuration(rng=rng)
+        jacobian = pair.point_jacobian(chain.to_pinocchio(q, np.zeros(chain.nv))[0], np.zeros(3))
+        close(chain.tool_velocity(q, pair.frame, u, motion="least-norm"), np.linalg.pinv(jacobian) @ u, 1e-8)
+        inverse = np.linalg.inv(pair.mass_matrix(chain.to_pinocchio(q, np.zeros(chain.nv))[0]))
+        least = inverse @ jacobian.T @ np.linalg.solve(jacobian @ inverse @ jacobian.T, u)
+        close(chain.tool_velocity(q, pair.frame, u), least, 1e-7)
+    with pytest.raises(ValueError, match="motion: 'fast' is none of least-energy, least-norm, without-rotation"):
+        chain.tool_velocity(q, pair.frame, u, motion="fast")

@@ -220,7 +220,7 @@ def test_messages_about_dicts_name_keys_and_no_lines():
         ({}, "<dict>: missing field `robot`"),
         ({"contact": {}}, "<dict>: missing field `robot`"),
         ({**keys, "robot": {"q": [0, 0]}}, "<dict>: robot: missing field `urdf`"),
-        ({**keys, "robot": {**keys["robot"], "q": "x"}}, "<dict>: robot.q: invalid type"),
+        ({**keys, "robot": {**keys["robot"], "q": True}}, "<dict>: robot.q: a list of numbers, a table of numbers"),
         ({**keys, "contact": {"restitutoin": 0.5}}, "<dict>: contact.restitutoin: unknown field"),
         ({**keys, "surface": [*surface, {"nme": 1}]}, r"<dict>: surface\[1\].nme: unknown field"),
         ({**keys, "contact": {"pair": [{"link": "tip"}, {"frict": 1}]}}, r"<dict>: contact.pair\[1\].frict: unknown field"),

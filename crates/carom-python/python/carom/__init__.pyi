@@ -406,13 +406,45 @@ class Chain:
         self, q: ArrayLike, frame: str, point: ArrayLike | None = None, *, out: _Floats | None = None
     ) -> _Floats:
         """Position of a point in the world, shape (3,) or (B, 3), m."""
+    def tool_velocity(
+        self, q: ArrayLike, frame: str, velocity: ArrayLike, *, point: ArrayLike | None = None,
+        motion: Literal["least-energy", "least-norm", "without-rotation"] = "least-energy", out: _Floats | None = None,
+    ) -> _Floats:
+        """Joint velocities that give a point of a link a velocity, shape (nv,) or (B, nv), rad/s and m/s.
+
+        Args:
+            frame: name of the link.
+            velocity: velocity of the point, world axes, m/s, shape (3,).
+            point: the point in the axes of the link, m; its origin by default.
+            motion: "least-energy": those of the least kinetic energy; "least-norm": of the least sum of squares;
+                "without-rotation": the link does not turn, and of these the ones of the least kinetic energy.
+
+        Raises:
+            ChainError: no joint velocities give the point this velocity.
+        """
+    def impact_loads(
+        self, q: ArrayLike, change: ArrayLike, frame: str, impulse: ArrayLike, *, point: ArrayLike | None = None
+    ) -> dict[str, Any]:
+        """The loads of an impact on the joints: what their drives, gears and bearings get.
+
+        Args:
+            q: configuration, shape (nq,).
+            change: change of the joint velocities, qd_plus - qd, shape (nv,).
+            frame: name of the link that is hit.
+            impulse: impulse on the link, world axes, N s, shape (3,).
+            point: contact point in the axes of the link, m; its origin by default.
+
+        Returns:
+            A dict of joint_impulse, Jᵀp of shape (nv,), N m s or N s; and bearings, by joint the force (N s) and the moment (N m s)
+            of the impulse that its parent link exerts on its child link, in the axes of the child link, about its origin.
+        """
     def bias(
         self, q: ArrayLike, qd: ArrayLike, *, gravity: ArrayLike | None = None, out: _Floats | None = None
     ) -> _Floats:
         """Bias force C q̇ + g, shape (nv,) or (B, nv), N m and N.
 
         Args:
-            gravity: acceleration of free fall, world axes, m/s²; zero by default.
+            gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
         """
     def inverse_dynamics(
         self,
@@ -427,7 +459,7 @@ class Chain:
 
         Args:
             qdd: joint accelerations, shape of qd.
-            gravity: acceleration of free fall, world axes, m/s²; zero by default.
+            gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
         """
     def forward_dynamics(
         self,
@@ -442,7 +474,7 @@ class Chain:
 
         Args:
             tau: joint forces, shape of qd, N m and N; zero by default.
-            gravity: acceleration of free fall, world axes, m/s²; zero by default.
+            gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
 
         Raises:
             ChainError: a singular mass matrix, massless links.
@@ -493,7 +525,7 @@ class Chain:
         world's origin.
 
         Args:
-            gravity: acceleration of free fall, world axes, m/s²; zero by default.
+            gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
         """
     @overload
     def energies(
@@ -544,7 +576,7 @@ class Chain:
                 and contact_time (s) of drives that act during the impact.
             derivatives: also computes the derivatives of qd_plus by q, qd, restitution and friction.
             saltation: also computes the saltation matrix for an impact with a plane at rest.
-            gravity: acceleration of free fall for the saltation matrix, world axes, m/s²; zero by default.
+            gravity: acceleration of free fall for the saltation matrix, world axes, m/s²; (0, 0, -9.81) by default.
             band: ((e_low, e_high), (mu_low, mu_high)): also computes bounds over these ranges of the coefficients.
 
         Returns:
@@ -1539,11 +1571,11 @@ def fit(
       the "whole" toss or "early", to 0.1 s after the first impact.
 
     Args:
-        law: name of the law, any but "frictionless".
+        law: name of the law.
         loss: "huber" or "squares".
         inertia: fits the scale of rotational inertia too; needs a robot.
         max_friction: largest friction of the search.
-        train: share of the measurements that is fitted; the rest is the test.
+        train: share of the measurements that is fitted; the rest, if any, is the test.
         seed: of the split into both, and of the bootstrap.
         confidence: level of the intervals.
 
