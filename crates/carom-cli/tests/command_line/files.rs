@@ -66,7 +66,7 @@ fn outputs_that_would_replace_an_input_are_refused() {
         std::fs::copy(desk.0.join(from), desk.0.join(to)).unwrap();
     }
     let study = std::fs::read_to_string(desk.0.join("m.toml")).unwrap();
-    desk.write("m.toml", &study.replace("planar2.urdf", "robot.svg"));
+    desk.write("m.toml", study.replace("planar2.urdf", "robot.svg"));
     for (args, named) in [
         ("consistency t.svg --out t.svg".to_owned(), "--out t.svg"),
         (format!("{LAW} good.svg --out ./good.svg"), "--out ./good.svg"),

@@ -24,7 +24,7 @@ use crate::routh::Ending;
 /// work is zero, and all loss is due to friction.
 ///
 /// **Fails** only for singular H, as [`Newton`](crate::Newton) and [`Poisson`](crate::Poisson) do; see
-/// [`ImpactError::Wedged`].
+/// [`ImpactError::Wedged`](crate::ImpactError::Wedged).
 ///
 /// **In space** the slip turns while it lasts. It is integrated by power series to rounding. If the slip stays in one
 /// plane through the normal, the problem is reduced to that plane exactly.
