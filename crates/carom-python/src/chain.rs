@@ -4,9 +4,7 @@ use crate::array::{Array, Given, Maybe, Numbers, Rows, Target, array, list, nump
 use crate::batch::each_row;
 use crate::error::raise;
 use crate::order;
-use crate::pickle::{Pickled, fields, variants};
-use crate::scene::Scene;
-use crate::study::Study;
+use crate::pickle::fields;
 use carom_chain::urdf::{JointType, LoadOptions, Meshes, read_str};
 use carom_chain::{ChainError, Coordinates, FrameId, Spatial, Workspace, input};
 use pyo3::exceptions::{PyImportError, PyTypeError};
@@ -37,9 +35,16 @@ pub struct Chain {
 pub enum Origin {
     Urdf(Urdf),
     Uniform { links: usize, length: f64, mass: f64 },
-    Scene(Scene),
-    Plan(Scene),
-    Study(Study),
+    Of(Arc<dyn Owner>),
+}
+
+/// An object that has a chain.
+pub trait Owner: Send + Sync {
+    /// Its kind, and its pickle.
+    ///
+    /// # Errors
+    /// Those of Python.
+    fn told<'py>(&self, py: Python<'py>) -> PyResult<(&'static str, Array<'py>)>;
 }
 
 /// The text of a URDF and how it is read.
@@ -55,9 +60,18 @@ pub struct Urdf {
 }
 
 fields! { Urdf { text, folder, floating, meshes, repair, strict, package_dirs } }
-variants! { Origin { Urdf(urdf), Uniform { links, length, mass }, Scene(scene), Plan(scene), Study(study) } }
 
 impl Urdf {
+    /// The chain of the text.
+    ///
+    /// # Errors
+    /// Those of the text.
+    pub fn chain(&self) -> PyResult<carom_chain::Chain> {
+        let options = self.options();
+        let robot = read_str(&self.text, self.folder.as_deref(), &options).map_err(raise)?;
+        Ok(carom_chain::Chain::from_robot(robot, &options))
+    }
+
     fn options(&self) -> LoadOptions {
         LoadOptions {
             floating_base: self.floating,
@@ -70,34 +84,14 @@ impl Urdf {
     }
 }
 
-/// By its origin, from which it is made again.
-impl Pickled for Chain {
-    fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.origin.write(py)
-    }
-
-    fn read(from: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let origin = Origin::read(from)?;
-        let chain = match &origin {
-            Origin::Urdf(urdf) => {
-                let options = urdf.options();
-                let robot = read_str(&urdf.text, urdf.folder.as_deref(), &options).map_err(raise)?;
-                carom_chain::Chain::from_robot(robot, &options)
-            }
-            Origin::Uniform { links, length, mass } => {
-                carom_chain::uniform_chain(*links, *length, *mass).map_err(raise)?
-            }
-            Origin::Scene(scene) => scene.scene.simulation.chain.clone(),
-            Origin::Plan(scene) => scene.scene.plan().map_err(raise)?.simulation.chain,
-            Origin::Study(study) => study.its_chain().clone(),
-        };
-        Ok(Self::new(chain, origin))
-    }
-}
-
 impl Chain {
     pub fn new(chain: carom_chain::Chain, origin: Origin) -> Self {
         Self { chain: Arc::new(chain), origin: Arc::new(origin), pool: Mutex::default() }
+    }
+
+    /// What it was made from.
+    pub fn origin(&self) -> &Origin {
+        &self.origin
     }
 
     /// The same chain.

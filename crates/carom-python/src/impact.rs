@@ -7,7 +7,7 @@ use crate::error::{exceptions, raise};
 use crate::impacts::{self, Each, Impacts};
 use crate::laws::{GivenLaw, each_law};
 use crate::notebook;
-use crate::pickle::fields;
+use crate::pickle::{Pickled, fields};
 use carom_impact::{CoefficientRanges, Flags};
 use carom_sim::{ChainImpact, ImpactBand, ImpactDerivative, Impacts as _, JointModel, Saltation, Strike};
 use nalgebra::{DMatrix, Vector3};
@@ -365,5 +365,18 @@ impl Chain {
             }
             one(&laws[0])
         })
+    }
+}
+
+/// By the names of those that are set.
+impl Pickled for Flags {
+    fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.names().collect::<Vec<_>>().write(py)
+    }
+
+    fn read(from: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let names: Vec<String> = Vec::read(from)?;
+        let all = FLAGS.into_iter().chain([("without-restitution", Self::WITHOUT_RESTITUTION)]);
+        Ok(all.filter(|(name, _)| names.iter().any(|it| it == name)).fold(Self::NONE, |sum, (_, flag)| sum | flag))
     }
 }

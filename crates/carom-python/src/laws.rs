@@ -3,7 +3,7 @@
 use crate::array::{Array, Given, Numbers, array, numpy};
 use crate::callable::Callable;
 use crate::error::{Raise, exceptions};
-use crate::pickle::{Parts, Pickled, tuple};
+use crate::pickle::{Parts, Pickled, kept, tuple};
 use carom_impact::{AnyLaw, Brach, Coefficients, ImpactError, ImpactOutcome, ImpactProblem, Law};
 use carom_sim::ContactLaw;
 use nalgebra::{SMatrix, SVector};
@@ -11,8 +11,7 @@ use pyo3::PyClassInitializer;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
-use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 /// An impact law of carom with its coefficients; the base class of the eight laws. Immutable.
 #[pyclass(frozen, subclass, module = "carom", name = "Law")]
@@ -240,18 +239,6 @@ impl Pickled for PythonLaw {
         let function: Py<PyAny> = parts.next()?;
         Self::new(function.bind(from.py()), parts.next()?, parts.next()?, Some(parts.next()?))
     }
-}
-
-/// A name that lives as long as the program: each distinct name is kept once.
-pub fn kept(name: String) -> &'static str {
-    static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
-    let mut names = NAMES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    if let Some(known) = names.get(name.as_str()) {
-        return known;
-    }
-    let name: &'static str = name.leak();
-    names.insert(name);
-    name
 }
 
 impl<const D: usize> Law<f64, D> for Own {

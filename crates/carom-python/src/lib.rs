@@ -2,9 +2,9 @@
 //!
 //! Order of the modules: `error` and `array` (errors and numbers of Python), `threads` and `batch` (loops over states), `callable`
 //! (functions of Python), `pickle`, `chain`, `order` and `dynamics` (the class `Chain`), `laws` and `outcome` (laws on plain numbers), `impact` and
-//! `impacts`, `points` (one impact, a batch of impacts, several points), `diagram`, `table`, `controller`, `scene`, `run`, `sensitivity` and `session`
-//! (simulations),
-//! `study` and `fit`; `notebook` (tables and plots). Nothing is computed here: every method converts its arguments, calls the crates and
+//! `impacts`, `points` (one impact, a batch of impacts, several points), `diagram`, `table`, `controller`, `scene`, `run`, `sensitivity`,
+//! `session` and `simulate` (simulations), `study` and `fit`; `notebook` (tables and plots); `pickled` (the classes that are pickled). Nothing
+//! is computed here: every method converts its arguments, calls the crates and
 //! converts the result.
 
 /// A dict of these keys.
@@ -50,11 +50,13 @@ mod notebook;
 mod order;
 mod outcome;
 mod pickle;
+mod pickled;
 mod points;
 mod run;
 mod scene;
 mod sensitivity;
 mod session;
+mod simulate;
 mod study;
 mod table;
 mod text;
@@ -81,7 +83,7 @@ mod _carom {
     #[pymodule_export]
     use crate::outcome::{Outcome, law};
     #[pymodule_export]
-    use crate::pickle::unpickled;
+    use crate::pickled::unpickled;
     #[pymodule_export]
     use crate::points::SeveralImpact;
     #[pymodule_export]

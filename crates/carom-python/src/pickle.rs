@@ -4,8 +4,7 @@
 //! were read from, and read again.
 
 use crate::array::Array;
-use crate::laws::kept;
-use carom_impact::{Account, Flags, ImpactOutcome, Mode, Phase};
+use carom_impact::{Account, ImpactOutcome, Mode, Phase};
 use carom_sim::{
     Broken, ChainImpact, ContactImpulse, ContactMode, ContactState, EnergyBooks, Event, EventKind, EventTime,
     ImpactBand, Moment, NonUnique, Saltation, Sensitivity, SeveralImpact, Statistics, StepReason, StopReason, Summary,
@@ -16,8 +15,10 @@ use nalgebra::{DMatrix, DVector, SVector};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString, PyTuple};
+use std::collections::BTreeSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::PathBuf;
+use std::sync::Mutex;
 
 /// What can be written as an object that Python pickles, and read again.
 pub trait Pickled: Sized {
@@ -32,6 +33,18 @@ pub trait Pickled: Sized {
     /// # Errors
     /// `ValueError` for another object.
     fn read(from: &Bound<'_, PyAny>) -> PyResult<Self>;
+}
+
+/// A name that lives as long as the program: each distinct name is kept once.
+pub fn kept(name: String) -> &'static str {
+    static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+    let mut names = NAMES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    if let Some(known) = names.get(name.as_str()) {
+        return known;
+    }
+    let name: &'static str = name.leak();
+    names.insert(name);
+    name
 }
 
 /// The parts of a tuple.
@@ -290,19 +303,6 @@ impl Sources {
     }
 }
 
-/// By the names of those that are set.
-impl Pickled for Flags {
-    fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.names().collect::<Vec<_>>().write(py)
-    }
-
-    fn read(from: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let names: Vec<String> = Vec::read(from)?;
-        let all = crate::impact::FLAGS.into_iter().chain([("without-restitution", Self::WITHOUT_RESTITUTION)]);
-        Ok(all.filter(|(name, _)| names.iter().any(|it| it == name)).fold(Self::NONE, |sum, (_, flag)| sum | flag))
-    }
-}
-
 fields! {
     Sources { folder, file, files }
     NamedFile { path, hash }
@@ -363,46 +363,4 @@ variants! {
     FittedTo { Velocities, Trajectories }
     Interval { Profile, Bootstrap, Alike }
     Loss { Squares, Huber }
-}
-
-/// The classes of objects that are pickled: `__reduce__` of each, and the function that reads them again. What does not change is its
-/// own copy.
-macro_rules! classes {
-    ($($class:ident)*) => {
-        $(
-            #[pymethods]
-            impl $class {
-                fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Array<'py>, (&'static str, Array<'py>))> {
-                    let read = py.import("carom._carom")?.getattr("unpickled")?;
-                    Ok((read, (stringify!($class), self.write(py)?)))
-                }
-            }
-        )*
-
-        /// Reads a pickled object.
-        #[pyfunction]
-        pub fn unpickled<'py>(py: Python<'py>, class: &str, state: &Bound<'py, PyAny>) -> PyResult<Array<'py>> {
-            $(if class == stringify!($class) {
-                return Ok(Bound::new(py, $class::read(state)?)?.into_any());
-            })*
-            Err(unknown_variant(class))
-        }
-    };
-}
-
-use crate::chain::Chain;
-use crate::fit::FitResult;
-use crate::impact::Impact;
-use crate::impacts::Impacts;
-use crate::laws::PythonLaw;
-use crate::outcome::Outcome;
-use crate::points::SeveralImpact as SeveralPoints;
-use crate::run::{Run, RunEvent};
-use crate::scene::Scene;
-use crate::sensitivity::Sensitivity as RunSensitivity;
-use crate::study::Study;
-use crate::table::Table;
-
-classes! {
-    Chain FitResult Impact Impacts Outcome PythonLaw Run RunEvent Scene RunSensitivity SeveralPoints Study Table
 }

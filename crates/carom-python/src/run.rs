@@ -6,7 +6,7 @@ use crate::error::{exceptions, raise};
 use crate::impact::Impact;
 use crate::notebook;
 use crate::pickle::{Parts, Pickled, fields, tuple, variants};
-use crate::scene::Scene;
+use crate::scene::{Planned, Scene};
 use crate::table::Table;
 use carom_sim::{ContactState, Event, EventKind, Moment, NamedEvent, Plan, Seen, Simulation, Summary};
 use carom_study::{Column, SCENE_KEY, contact_columns, contact_row, coordinate_columns, state_columns};
@@ -14,6 +14,7 @@ use pyo3::prelude::*;
 use pythonize::pythonize;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// What a run has reported, in the order of time.
 pub enum Told {
@@ -92,7 +93,7 @@ pub fn contact_table<'a>(sim: &Simulation, told: impl Iterator<Item = (f64, &'a 
 
 getters! { Run, self, py {
     /// The simulated robot.
-    chain: Chain = Chain::new(self.plan.simulation.chain.clone(), Origin::Plan(self.scene.again()));
+    chain: Chain = Chain::new(self.plan.simulation.chain.clone(), Origin::Of(Arc::new(Planned(self.scene.again()))));
     /// Times of the samples, shape (S,), s. At the time of an event the sample is the state before it.
     time: Array<'py> = list(py, &self.moments().map(|moment| moment.time).collect::<Vec<_>>())?;
     /// Configurations at the samples, shape (S, nq); rad, m, quaternions.

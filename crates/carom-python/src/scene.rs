@@ -1,26 +1,19 @@
-//! Scenes: read, planned, run.
+//! Scenes: read and planned.
 
 use crate::array::{Array, Given, Maybe, list};
-use crate::chain::{Chain, Origin};
+use crate::chain::{Chain, Origin, Owner};
 use crate::controller::PythonController;
 use crate::error::raise;
 use crate::laws::GivenLaw;
 use crate::pickle::{Parts, Pickled, Sources, fields, tuple};
-use crate::run::Run;
-use crate::sensitivity::{self, Sensitivity};
-use crate::session::Session;
 use crate::text::{by_keys, toml_text};
-use crate::threads::{LOOK, interruptible};
-use carom_sim::{Sampling, Seen, SimError};
-use pyo3::exceptions::{PyUserWarning, PyValueError};
+use carom_sim::SimError;
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use pythonize::pythonize;
 use std::path::PathBuf;
 use std::sync::Arc;
-
-/// Time between samples if neither the scene nor the call gives one, s: as on the command line.
-const SAMPLE: f64 = 0.004;
 
 /// A scene: a robot, the surfaces around it, contact laws and run settings. Immutable.
 ///
@@ -28,7 +21,8 @@ const SAMPLE: f64 = 0.004;
 #[pyclass(frozen, module = "carom")]
 pub struct Scene {
     pub scene: Arc<carom_sim::Scene>,
-    functions: Functions,
+    /// What acts beside the keys.
+    pub functions: Functions,
     sources: Arc<Sources>,
     changed: Changed,
 }
@@ -46,7 +40,7 @@ fields! { Changed { start, duration } }
 #[derive(Clone, Default)]
 pub struct Functions {
     laws: Vec<Arc<OwnLaw>>,
-    controller: Option<PythonController>,
+    pub controller: Option<PythonController>,
 }
 
 /// A law of `Scene.with_law` with its arguments.
@@ -73,6 +67,21 @@ impl Functions {
 }
 
 /// By its text, which is read again, and by what has been changed since: start, duration, laws and controller.
+impl Owner for Scene {
+    fn told<'py>(&self, py: Python<'py>) -> PyResult<(&'static str, Array<'py>)> {
+        Ok(("Scene", self.write(py)?))
+    }
+}
+
+/// A scene as the owner of the reduced chain of its plan.
+pub struct Planned(pub Scene);
+
+impl Owner for Planned {
+    fn told<'py>(&self, py: Python<'py>) -> PyResult<(&'static str, Array<'py>)> {
+        Ok(("Plan", self.0.write(py)?))
+    }
+}
+
 impl Pickled for Scene {
     fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let Self { scene, functions, sources, changed } = self;
@@ -136,7 +145,7 @@ impl Scene {
     }
 
     fn own_chain(&self) -> Chain {
-        Chain::new(self.scene.simulation.chain.clone(), Origin::Scene(self.again()))
+        Chain::new(self.scene.simulation.chain.clone(), Origin::Of(Arc::new(self.again())))
     }
 
     /// The same scene.
@@ -327,77 +336,9 @@ impl Scene {
     fn plan<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let plan = py.detach(|| self.scene.plan()).map_err(raise)?;
         let dict = pythonize(py, &plan)?.cast_into::<PyDict>()?;
-        let chain = Chain::new(plan.simulation.chain.clone(), Origin::Plan(self.again()));
+        let chain = Chain::new(plan.simulation.chain.clone(), Origin::Of(Arc::new(Planned(self.again()))));
         dict.set_item("joints", chain.joint_names())?;
         Ok(dict)
-    }
-
-    /// Simulates the scene from event to event. The GIL is released, except while a function in Python is called.
-    ///
-    /// Args:
-    ///     sample: time between samples, s; by default that of the scene, or 0.004 s.
-    ///
-    /// Raises:
-    ///     SimulationError: an overlap at the start, a motion that cannot be continued. Exceptions of a law or a controller in
-    ///         Python are passed on as they are.
-    #[pyo3(signature = (*, sample=None))]
-    fn simulate(&self, py: Python<'_>, sample: Option<f64>) -> PyResult<Run> {
-        let every = sample.or(self.scene.sample).unwrap_or(SAMPLE);
-        let sampling = Sampling { every: Some(every), dense: every > LOOK };
-        let rated = self.functions.controller.as_ref().and_then(|it| Some((it, it.rate()?)));
-        let done = interruptible(py, |look| {
-            let plan = self.scene.plan()?;
-            let (mut seen, duration) = (Vec::new(), self.scene.duration);
-            let watch = &mut |it: Seen| {
-                look();
-                seen.extend(crate::run::Told::of(&it));
-            };
-            let summary = match rated {
-                Some((controller, rate)) => controller.run((&plan, rate), duration, sampling, watch)?,
-                None => plan.stream(duration, sampling, watch)?,
-            };
-            Ok((plan, seen, summary))
-        });
-        let (plan, seen, summary) = self.functions.pass(done?)?;
-        for warning in summary.warnings() {
-            let text = std::ffi::CString::new(warning).unwrap_or_default();
-            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
-        }
-        Ok(Run::new(self.again(), plan, seen, summary))
-    }
-
-    /// Starts a Session: a simulation that a loop of one's own advances.
-    ///
-    /// Raises:
-    ///     SimulationError: an overlap at the start.
-    ///     ValueError: the scene has a controller with a rate.
-    fn session(&self, py: Python<'_>) -> PyResult<Session> {
-        if self.functions.controller.as_ref().is_some_and(|it| it.rate().is_some()) {
-            return Err(PyValueError::new_err(
-                "the scene has a controller with a rate, but in a session your loop samples: start the session of the scene \
-                 without it, and set the joint forces with set_forces",
-            ));
-        }
-        let session = py.detach(|| self.scene.plan()?.start());
-        Ok(Session::new(self.functions.pass(session)?, self, self.functions.clone()))
-    }
-
-    /// The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters. Exact to
-    /// about 1e-8 of their size. The GIL is released, except while a law in Python is called.
-    ///
-    /// Args:
-    ///     parameters: names of parameters, [] for none; by default all: "restitution" and "friction" of all contacts together, and
-    ///         "kp elbow", "kd elbow", "target elbow" or "torque elbow" of each joint under PD control or constant forces.
-    ///
-    /// Raises:
-    ///     ValueError: a name that is no parameter of the scene.
-    ///     SimulationError: as `simulate`. A run that is not differentiable is no error: see `Sensitivity.broken`.
-    #[pyo3(signature = (parameters=None))]
-    fn sensitivity(&self, py: Python<'_>, parameters: Option<Vec<String>>) -> PyResult<Sensitivity> {
-        let plan = py.detach(|| self.scene.plan()).map_err(raise)?;
-        let parameters = sensitivity::chosen(&plan, parameters)?;
-        let found = py.detach(|| sensitivity::of(&plan, self.scene.duration, &parameters));
-        self.functions.pass(found)
     }
 
     fn __repr__(&self) -> String {

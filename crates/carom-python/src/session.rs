@@ -4,13 +4,14 @@ use crate::array::{Array, list};
 use crate::chain::{Chain, Origin};
 use crate::error::{exceptions, raise};
 use crate::run::{RunEvent, contact_table};
-use crate::scene::{Functions, Scene};
+use crate::scene::{Functions, Planned, Scene};
 use crate::table::Table;
 use crate::threads::{LOOK, interruptible};
 use carom_sim::{Advance, Sampling, Seen, SimError, StopReason};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pythonize::pythonize;
+use std::sync::Arc;
 
 /// A simulation that a loop advances: read state and contacts, set joint forces, advance. Made by `Scene.session`.
 ///
@@ -24,7 +25,7 @@ pub struct Session {
 
 impl Session {
     pub fn new(session: carom_sim::Session, scene: &Scene, functions: Functions) -> Self {
-        let chain = Chain::new(session.chain().clone(), Origin::Plan(scene.again()));
+        let chain = Chain::new(session.chain().clone(), Origin::Of(Arc::new(Planned(scene.again()))));
         Self { session, chain, functions }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::array::{Array, list};
 use crate::batch::CHUNK;
-use crate::chain::{Chain, Origin};
+use crate::chain::{Chain, Origin, Owner};
 use crate::error::raise;
 use crate::pickle::{Parts, Pickled, Sources, tuple};
 use crate::table::Table;
@@ -30,6 +30,12 @@ pub struct Study {
 }
 
 /// By its text, which is read again.
+impl Owner for Study {
+    fn told<'py>(&self, py: Python<'py>) -> PyResult<(&'static str, Array<'py>)> {
+        Ok(("Study", Pickled::write(self, py)?))
+    }
+}
+
 impl Pickled for Study {
     fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         tuple(py, [self.study.text().to_owned().write(py)?, self.sources.write(py)?])
@@ -98,7 +104,7 @@ getters! { Study, self, py {
     /// Units of the columns: a dict; empty texts for words and dimensionless numbers.
     units: BTreeMap<&str, &str> = names(&self.study).into_iter().map(|name| (name, self.study.unit(name))).collect();
     /// The robot.
-    chain: Chain = Chain::new(self.study.chain().clone(), Origin::Study(self.again()));
+    chain: Chain = Chain::new(self.study.chain().clone(), Origin::Of(Arc::new(self.again())));
     /// Warnings, one sentence each.
     warnings: Vec<String> = self.study.warnings.clone();
 } }

@@ -10,7 +10,7 @@
 //! The tables of single impacts have no body parameters, so the bodies are constants of this file.
 
 use super::candidates::Effect;
-use super::impacts::Impact;
+use super::impact::Impact;
 use super::landings::{self, Landings};
 use super::planar::{GRAVITY, PlanarImpact, Sequel, lowest_corner};
 use crate::EvidenceError;

@@ -4,11 +4,10 @@ use super::candidates::Candidate;
 use super::comparison::{CompareOptions, Comparison, Judged, Progress, best, centre, rows};
 use super::data::{DataSet, Impacts, too_few};
 use super::identify::weakest;
-use super::planar::PlanarImpact;
+use super::impact::Impact;
 use super::selection::chosen;
 use super::statistics::{Spread, folds};
 use crate::EvidenceError;
-use carom_study::fit::{LawPair, MeasuredImpact};
 use nalgebra::DVector;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -16,39 +15,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Greatest number of steps of a search, and the relative spread of the costs at its end.
 const STEPS: u64 = 120;
 const SETTLED: f64 = 1e-7;
-
-/// One impact that models predict.
-#[derive(Debug, Clone)]
-pub(super) enum Impact {
-    Planar(PlanarImpact),
-    Measured(Box<MeasuredImpact>),
-}
-
-impl Impact {
-    /// The residual whose norm is |v − v⁺|/|v⁻| for the velocity v that a model predicts; `None` where its law refuses the impact.
-    fn residual(&self, model: &Candidate, x: &[f64]) -> Option<DVector<f64>> {
-        match self {
-            Self::Planar(impact) => Some(DVector::from_column_slice(impact.residual(model, x)?.as_slice())),
-            Self::Measured(impact) => {
-                let law = LawPair::new(model.law, model.coefficients(x, impact.approach_speed())).ok()?;
-                Some(impact.residual(&law).ok()? / impact.speed())
-            }
-        }
-    }
-
-    /// The norm of the residual; infinite where there is none.
-    fn error(&self, model: &Candidate, x: &[f64]) -> f64 {
-        self.residual(model, x).map_or(f64::INFINITY, |residual| residual.norm())
-    }
-
-    /// The least error of any impulse at the contact point that does not pull.
-    fn bound(&self, model: &Candidate, x: &[f64]) -> f64 {
-        match self {
-            Self::Planar(impact) => impact.bound(model, x),
-            Self::Measured(impact) => impact.least_residual(f64::INFINITY) / impact.speed(),
-        }
-    }
-}
 
 pub(super) fn compare(
     set: &DataSet,

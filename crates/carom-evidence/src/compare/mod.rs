@@ -28,6 +28,7 @@ mod cases;
 mod comparison;
 mod data;
 mod identify;
+mod impact;
 mod impacts;
 mod landings;
 mod page;
