@@ -195,10 +195,10 @@ impl Report<'_> {
 pub fn table(all: &All, out: &mut dyn Write) -> io::Result<()> {
     if let Some(first) = all.fits.first() {
         let trajectories = first.fitted_to == FittedTo::Trajectories;
-        let (of, unit) = if trajectories { ("tosses", "pose error") } else { ("impacts", "residual m/s") };
+        let (of, unit) = if trajectories { ("tosses", "pose errors") } else { ("impacts", "residuals (m/s)") };
         let judged = match &first.test {
-            Some(test) => format!("errors of the {} kept for the test, seed {}", test.count, first.seed),
-            None => format!("errors of the same {of}"),
+            Some(test) => format!("{unit} of the {} kept for the test, seed {}", test.count, first.seed),
+            None => format!("{unit} of the same {of}"),
         };
         let (to, percent) = (first.fitted_to.name(), first.confidence * 100.0);
         let count = first.train.count;
@@ -209,13 +209,13 @@ pub fn table(all: &All, out: &mut dyn Write) -> io::Result<()> {
                 names.push(one.name);
             }
         }
-        let head: String = names.iter().map(|name| format!("{name:<37}")).collect();
-        writeln!(out, "{:16} {head} {:>12} {:>12}  {unit}", "law", "mean", "median")?;
+        let head: String = names.iter().map(|name| format!("{name:<26}")).collect();
+        writeln!(out, "{:16} {head} {:>12} {:>12}", "law", "mean", "median")?;
         for fit in &all.fits {
             let cell = |name: &&str| {
                 let own = fit.coefficients.iter().find(|one| one.name == *name);
-                let text = own.map(|c| format!("{} ({} … {})", short(c.value), short(c.low), short(c.high)));
-                format!("{:<37}", text.unwrap_or_default())
+                let text = own.map(|c| format!("{:.4} ({:.4} … {:.4})", c.value, c.low, c.high));
+                format!("{:<26}", text.unwrap_or_default())
             };
             let (cells, score) = (names.iter().map(cell).collect::<String>(), fit.judged());
             writeln!(out, "{:16} {cells} {:>12} {:>12}", fit.law, short(score.mean), short(score.median))?;
