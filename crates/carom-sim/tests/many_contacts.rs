@@ -320,3 +320,22 @@ fn a_lift_off_within_a_step_is_seen() {
         assert!((leaves.time - expected).abs() < allowed, "{} s for {expected} s, {excess} {tolerance}", leaves.time);
     }
 }
+
+/// A box at rest on a slope in time steps: its contact forces balance its weight, in space and along the normal of each contact. The
+/// forces are impulses of a step over its length, for a motion whose accelerations end within some steps.
+#[test]
+fn contact_forces_of_time_steps_balance_the_weight_of_a_box_on_a_slope() {
+    let gravity = Vector3::new(0.2, 0.1, -1.0) * 9.81;
+    let on_floor = simulation(floating_box([0.2, 0.3, 0.1], 2.0), &[("floor", Vector3::z())], 0.6);
+    let sim = Simulation { gravity, stepping: true, contact_step: 1e-3, ..on_floor };
+    let run = sim.run(&[0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 1.0], &[0.0; 6], 0.2).unwrap();
+    let contacts = &run.summary.contacts;
+    assert_eq!(contacts.len(), 4);
+    let force: Vector3<f64> = contacts.iter().map(|contact| contact.force).sum();
+    assert!((force + 2.0 * gravity).norm() < 1e-6 * 2.0 * gravity.norm(), "{force}");
+    let normal: f64 = contacts.iter().map(|contact| contact.normal_force).sum();
+    assert!((normal - 2.0 * 9.81).abs() < 1e-6 * 2.0 * 9.81, "{normal} N");
+    for contact in contacts {
+        assert!((contact.force.dot(&contact.normal) - contact.normal_force).abs() < 1e-9 * normal);
+    }
+}
