@@ -214,3 +214,29 @@ minimise = "effective_mass"
     // 20 000 directions are 3e-4 rad apart, and the error at a minimum is of second order
     assert!((ended - least).abs() < 1e-5 * least, "{ended} kg, the dense search finds {least} kg");
 }
+
+/// The title names the conditions that do not vary; ticks of a colour bar are multiples of 1, 2 or 5 times a power of ten, but for the ends
+/// with a sign.
+#[test]
+fn pictures_name_their_conditions_and_have_round_ticks() {
+    let text = TIPS.replace("\"impulse\", \"mode\"", "\"tangential_jump\"");
+    let study_of = study(&text);
+    let svg = study_of.picture("tangential_jump").unwrap();
+    let title = study_of.values("tangential_jump").unwrap().title;
+    for part in ["e = ", "0.2 m/s", "approach 45°"] {
+        assert!(title.contains(part), "{title}");
+    }
+    assert!(svg.contains(&format!("\n{title}\n")), "{title}");
+    let varied = study(
+        &text
+            .replace("speed = 0.2", "speed = [0.1, 0.2]")
+            .replace("x = { from = -0.3, to = 0.95, count = 26 }", "x = 0.5"),
+    );
+    assert!(!varied.values("tangential_jump").unwrap().title.contains("m/s"), "the speed varies");
+    let ticks: Vec<f64> = svg
+        .split("<text x=\"")
+        .filter_map(|part| part.split_once('>')?.1.split_once('<')?.0.trim().parse::<f64>().ok())
+        .collect();
+    let round = |x: f64| [1.0, 2.0, 5.0].iter().any(|step| ((x / step * 1e3).round() - x / step * 1e3).abs() < 1e-6);
+    assert!(ticks.len() > 6 && ticks.iter().all(|x| round(*x)), "{ticks:?}");
+}

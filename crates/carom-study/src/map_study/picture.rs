@@ -25,6 +25,8 @@ pub struct Values {
     pub rows: Vec<u64>,
     /// Value at each place; NaN where the row has none. In a column of words, the index of the word.
     pub values: Vec<f64>,
+    /// The conditions that do not vary, in one line: law, coefficients, speed, angle.
+    pub title: String,
     /// Name of the column, with its unit.
     pub label: String,
     /// The words of a column of words; empty for a column of numbers.
@@ -121,6 +123,7 @@ impl Study {
             axes: chosen.iter().map(|k| axes[*k].clone()).collect(),
             values: values.collect(),
             rows,
+            title: conditions(axes),
             label: if unit.is_empty() { column.into() } else { format!("{column}, {unit}") },
             words: self.columns[at].words.clone(),
         })
@@ -140,6 +143,26 @@ impl Study {
         })?;
         Ok(svg)
     }
+}
+
+/// The conditions that do not vary, of all axes of a study: law, coefficients (but those of 0, which are given by no one), speed, angle.
+fn conditions(axes: &[Axis]) -> String {
+    let [.., _, approach, speed, restitution, tangential, friction, law] = axes else { return String::new() };
+    let fixed = |axis: &Axis, text: String| (!axis.varies()).then_some(text);
+    let value = |axis: &Axis| tick(axis.value(0), axis.value(0).abs() / 100.0);
+    let coefficient = |axis: &Axis, name: &str| {
+        fixed(axis, format!("{name} = {}", value(axis)))
+            .filter(|_| axis.varies() || axis.value(0) != 0.0 || name == "e")
+    };
+    let parts = [
+        fixed(law, law.names().first().cloned().unwrap_or_default()),
+        coefficient(restitution, "e"),
+        coefficient(tangential, "e_t"),
+        coefficient(friction, "μ"),
+        fixed(speed, format!("{} m/s", value(speed))),
+        fixed(approach, format!("approach {}°", value(approach))),
+    ];
+    parts.into_iter().flatten().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
 }
 
 fn is_even(axis: &Axis) -> bool {
@@ -266,6 +289,21 @@ fn ends(axis: &Axis) -> (f64, f64) {
 }
 
 const TEXT: (&str, u32) = ("sans-serif", 14);
+/// Height of the title.
+const HEAD: u32 = 26;
+
+/// A drawing of this size below its title.
+fn titled<'s>(
+    svg: &'s mut String,
+    size: (u32, u32),
+    title: &str,
+) -> Result<DrawingArea<SVGBackend<'s>, Shift>, Box<dyn std::error::Error>> {
+    let root = SVGBackend::with_string(svg, size).into_drawing_area();
+    root.fill(&WHITE)?;
+    let (head, rest) = root.split_vertically(HEAD);
+    head.draw(&Text::new(title.to_owned(), (16, 10), TEXT)).map_err(|e| e.to_string())?;
+    Ok(rest)
+}
 
 fn curve(svg: &mut String, values: &Values) -> Drawn {
     let axis = &values.axes[0];
@@ -277,9 +315,8 @@ fn curve(svg: &mut String, values: &Values) -> Drawn {
     let room = 0.05 * (high - low);
     let several = values.axes.get(1);
     let width = 700;
-    let size = (width + if several.is_some() { LEGEND } else { 0 }, 460);
-    let root = SVGBackend::with_string(svg, size).into_drawing_area();
-    root.fill(&WHITE)?;
+    let size = (width + if several.is_some() { LEGEND } else { 0 }, 460 + HEAD);
+    let root = titled(svg, size, &values.title)?;
     let (area, legend) = root.split_horizontally(width);
     let mut chart = ChartBuilder::on(&area)
         .margin(14)
@@ -339,11 +376,10 @@ fn heat_maps(svg: &mut String, values: &Values) -> Drawn {
     let count = panels.map_or(1, Axis::count) as usize;
     let cells = (across.count() * up.count()) as usize;
     let range = values.colour_range();
-    let size = (PANEL.0 * count as u32 + LEGEND, PANEL.1 + 16);
+    let size = (PANEL.0 * count as u32 + LEGEND, PANEL.1 + 16 + HEAD);
     let mut images = String::new();
     {
-        let root = SVGBackend::with_string(svg, size).into_drawing_area();
-        root.fill(&WHITE)?;
+        let root = titled(svg, size, &values.title)?;
         let (maps, legend) = root.split_horizontally(PANEL.0 * count as u32);
         for (k, area) in maps.split_evenly((1, count)).into_iter().enumerate() {
             let title = panels.map(|axis| match axis.names() {
@@ -431,17 +467,33 @@ fn colour_bar(area: &DrawingArea<SVGBackend, Shift>, values: &Values, (low, high
         area.draw(&Rectangle::new([(4, top + k), (26, top + k + 1)], colour.filled()))?;
     }
     let beyond = |is: &dyn Fn(f64) -> bool| values.values.iter().any(|x| x.is_finite() && is(*x));
-    for k in 0..=5 {
-        let value = high + (low - high) * f64::from(k) / 5.0;
-        let more = match k {
-            0 if beyond(&|x| x > high) => "≥ ",
-            5 if beyond(&|x| x < low) => "≤ ",
-            _ => "",
-        };
-        let text = format!("{more}{}", tick(value, (high - low) / 5.0));
-        area.draw(&Text::new(text, (34, top - 6 + (height - 1) * k / 5), TEXT))?;
+    // Round ticks, and the ends where values lie beyond them.
+    let step = round_step((high - low) / 5.0);
+    let first = (low / step).ceil() as i64;
+    let mut ticks: Vec<(f64, &str)> =
+        (0..=6).map(|k| ((first + k) as f64 * step, "")).filter(|(x, _)| *x <= high).collect();
+    for (end, more) in [(high, "≥ "), (low, "≤ ")] {
+        if beyond(&|x| if more == "≥ " { x > high } else { x < low }) {
+            ticks.retain(|(x, _)| (x - end).abs() > 0.4 * step);
+            ticks.push((end, more));
+        }
+    }
+    for (value, more) in ticks {
+        let text = format!("{more}{}", tick(value, step));
+        let down = f64::from(height - 1) * (high - value) / (high - low).max(f64::MIN_POSITIVE);
+        area.draw(&Text::new(text, (34, top - 6 + down.round() as i32), TEXT))?;
     }
     Ok(())
+}
+
+/// The least 1, 2 or 5 times a power of ten that is not below this.
+fn round_step(least: f64) -> f64 {
+    let power = 10.0_f64.powf(least.max(f64::MIN_POSITIVE).log10().floor());
+    [1.0, 2.0, 5.0, 10.0]
+        .into_iter()
+        .map(|x| x * power)
+        .find(|step| *step >= least * (1.0 - 1e-9))
+        .unwrap_or(10.0 * power)
 }
 
 /// Legend of the words that occur, each with its colour and its percentage of the rows.
