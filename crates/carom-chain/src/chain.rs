@@ -305,7 +305,7 @@ impl<A: Algebra> Chain<A> {
     /// The same chain with another effort limit of a joint, N m or N: motors of a simulation that obeys effort limits give no more.
     ///
     /// # Errors
-    /// [`ChainError::UnknownJoint`]; [`ChainError::OutOfRange`] for a number that is negative or NaN.
+    /// [`ChainError::UnknownJoint`]; [`ChainError::OutOfRange`] for a number that is negative or NaN, and a joint that no motor drives.
     pub fn with_effort_limit(&self, joint: &str, effort: f64) -> Result<Self, ChainError> {
         if effort.is_nan() || effort < 0.0 {
             return Err(ChainError::OutOfRange {
@@ -314,7 +314,10 @@ impl<A: Algebra> Chain<A> {
                 rule: "it must not be negative",
             });
         }
-        self.joint(joint)?;
+        if !matches!(&self.joint(joint)?.coordinates, Coordinates::Own { v, .. } if v.len() == 1) {
+            let rule = "an effort limit belongs to a joint with one coordinate of its own, not to a fixed, floating, planar or mimic joint";
+            return Err(ChainError::OutOfRange { what: "effort limit", value: effort, rule });
+        }
         let mut limited = self.clone();
         let own = Arc::make_mut(&mut limited.about).joints.iter_mut().filter(|own| own.name == joint);
         own.for_each(|own| own.limits.effort = Some(effort));

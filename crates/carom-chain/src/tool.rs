@@ -19,7 +19,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 /// Which of the joint velocities that give a point its velocity are taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ToolMotion {
-    /// Those of the least kinetic energy: the link turns as its inertia wants.
+    /// Those of the least kinetic energy: the link rotates in general.
     #[default]
     LeastEnergy,
     /// Those with the least sum of squares of the joint velocities.
@@ -67,7 +67,7 @@ impl Kinematics<'_, Spatial<f64>> {
     ///
     /// # Errors
     /// [`ChainError::NoVelocity`] where no joint velocities give the point this velocity, as at a stretched pose, without moving joints,
-    /// or where the link cannot move without turning; [`ChainError::NotFinite`]; [`ChainError::NoInertia`] where M is singular.
+    /// or where the link cannot move without turning; [`ChainError::FixedPoint`]; [`ChainError::NotFinite`]; [`ChainError::NoInertia`] where M is singular.
     pub fn tool_velocity(
         &mut self,
         at: FramePoint,
@@ -78,6 +78,11 @@ impl Kinematics<'_, Spatial<f64>> {
             return Err(ChainError::NotFinite { what: "tool velocity", index, value: velocity[index] });
         }
         let point = self.chain.point(at.frame, at.offset);
+        if point.body.is_none() {
+            return Err(ChainError::FixedPoint { chain: self.chain.name().to_owned() });
+        }
+        let jacobian = self.point_jacobian(point);
+        let lever = jacobian.amax();
         let found = match motion {
             ToolMotion::LeastEnergy => {
                 let inertia = self.contact_inertia(point)?;
@@ -91,14 +96,14 @@ impl Kinematics<'_, Spatial<f64>> {
                 self.respond(&impulse, &mut response)?;
                 DVector::from_column_slice(response.row(0))
             }
-            ToolMotion::LeastNorm => least_norm(self.point_jacobian(point)) * velocity,
+            ToolMotion::LeastNorm => least_norm(jacobian) * velocity,
             ToolMotion::Translation => {
                 let mut rows = self.geometric_jacobian(at.frame);
-                let jacobian = self.point_jacobian(point);
-                rows.rows_mut(0, 3).scale_mut(jacobian.amax());
+                rows.rows_mut(0, 3).scale_mut(lever);
                 rows.rows_mut(3, 3).copy_from(&jacobian);
                 let mut asked = DVector::zeros(6);
                 asked.rows_mut(3, 3).copy_from(&velocity);
+                self.check_inertia(&[])?;
                 // With M = L Lᵀ the least energy is the least norm of Lᵀ q̇.
                 let lower = self.mass_matrix().cholesky().ok_or_else(|| self.no_inertia(0))?.unpack();
                 let no_inertia = || self.no_inertia(0);
@@ -109,10 +114,7 @@ impl Kinematics<'_, Spatial<f64>> {
         };
         let reached = self.point_velocity(point, found.as_slice())?;
         let turning = match motion {
-            ToolMotion::Translation => {
-                let lever = self.point_jacobian(point).amax();
-                self.angular_velocity(at.frame, found.as_slice())?.norm() * lever
-            }
+            ToolMotion::Translation => self.angular_velocity(at.frame, found.as_slice())?.norm() * lever,
             _ => 0.0,
         };
         if (reached - velocity).norm().max(turning) > REACHED * velocity.norm() {

@@ -1,9 +1,9 @@
-//! The wrenches that joints transmit: what their bearings and drives carry.
+//! The wrenches that joints transmit, by bearings and drives.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
-//! | fᵢ | 6 | wrench of the parent link on body i, at the body's origin | `carried` |
-//! | Iᵢ aᵢ + vᵢ × Iᵢ vᵢ | 6 | rate of momentum of body i | `force` |
+//! | fᵢ | 6 | wrench of the parent link on body i, at the body's origin | `ws.force` |
+//! | Iᵢ aᵢ + vᵢ × Iᵢ vᵢ | 6 | rate of momentum of body i | – |
 //!
 //! `fᵢ = Iᵢ aᵢ + vᵢ × Iᵢ vᵢ − (applied forces) + Σ fⱼ` over the bodies j that body i carries: the inward pass of the recursive
 //! Newton–Euler algorithm, of which inverse dynamics keeps the component along the joint axis only. Source: Featherstone (2008),

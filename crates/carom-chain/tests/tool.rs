@@ -62,6 +62,10 @@ fn tool_velocities_that_no_joints_give_are_refused_with_the_link() {
         assert!(stretched.contains("'tip'") && stretched.contains("m/s: change q"), "{stretched}");
     }
     let mut at = workspace.update(&arm, &[0.3, 0.8]).unwrap();
+    for (motion, _) in ToolMotion::ALL {
+        let fixed = at.tool_velocity(FramePoint::from(arm.frame("link0").unwrap()), Vector3::x(), motion);
+        assert!(matches!(fixed, Err(ChainError::FixedPoint { .. })), "{fixed:?}");
+    }
     let nan = at.tool_velocity(tip, Vector3::new(0.0, f64::NAN, 0.0), ToolMotion::LeastNorm);
     assert!(matches!(nan, Err(ChainError::NotFinite { index: 1, .. })));
 }

@@ -121,3 +121,22 @@ fn wrenches_at_the_root_and_impulses_balance_the_momentum() {
         close("angular momentum", moment.iter(), momentum.moment.iter(), 1e-12, 1.0);
     }
 }
+
+/// Along the axis of a hinge or slider a joint transmits the force of its drive, less the reflected inertia of its rotor times its
+/// acceleration: a joint that nothing drives, the latter with the other sign.
+#[test]
+fn wrenches_along_joints_with_rotors_lack_the_torque_that_turns_the_rotor() {
+    let bare = uniform_chain_urdf(2, 1.0, 2.0);
+    let chain =
+        Chain::from_urdf_str(&bare, &LoadOptions::default()).unwrap().with_rotor_inertia("joint2", 0.3).unwrap();
+    let tip = FramePoint::from(chain.frame("tip").unwrap());
+    let (q, impulse) = ([0.4, -1.1], Vector3::new(0.2, -0.7, 0.0));
+    let mut workspace = chain.workspace();
+    let mut kin = workspace.update(&chain, &q).unwrap();
+    let mut change = DVector::zeros(2);
+    kin.add_point_force(chain.point(tip.frame, tip.offset), impulse, change.as_mut_slice()).unwrap();
+    let change = kin.mass_matrix().cholesky().unwrap().solve(&change);
+    let wrenches = kin.joint_wrenches(&[0.0; 2], change.as_slice(), Vector3::zeros(), &[(tip, impulse)]).unwrap();
+    close("moments", &[wrenches[0].moment.z, wrenches[1].moment.z], &[0.0, -0.3 * change[1]], 1e-13, 0.1);
+    assert!(change[1].abs() > 0.1);
+}

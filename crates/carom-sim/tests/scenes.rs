@@ -190,10 +190,13 @@ const TWO_LINKS: &str = r#"<robot name='two'><link name='base'/>
     <collision><geometry><sphere radius='0.1'/></geometry></collision></link>
   <joint name='lift' type='prismatic'><parent link='base'/><child link='upper'/><axis xyz='0 0 1'/>
     <limit lower='-0.5' upper='3' effort='100' velocity='9'/></joint>
+  <link name='plate'/><joint name='hold' type='fixed'><parent link='upper'/><child link='plate'/></joint>
   <joint name='turn' type='revolute'><parent link='upper'/><child link='lower'/><axis xyz='0 1 0'/>
     <limit lower='-3' upper='3' effort='100' velocity='9'/></joint></robot>"#;
-const POSES: &str = "<robot name='two'><group_state name='up' group='arm'><joint name='lift' value='1.5'/></group_state>
-  <group_state name='up' group='hand'><joint name='turn' value='-0.4'/><joint name='finger' value='1'/></group_state></robot>";
+const POSES: &str =
+    "<robot name='two'><group_state name='up' group='arm'><joint name='lift' value='1.5'/></group_state>
+  <group_state name='up' group='hand'><joint name='turn' value='-0.4'/><joint name='finger' value='1'/></group_state>
+  <group_state name='ball' group='arm'><joint name='turn' value='0 1'/></group_state></robot>";
 
 fn two_links(text: &str) -> Result<Scene, carom_sim::SimError> {
     carom_testing::scenes::scene(&[("two.urdf", TWO_LINKS), ("two.srdf", POSES)], text)
@@ -213,7 +216,11 @@ fn positions_are_read_by_joint_names_and_by_the_poses_of_the_srdf() {
     let last = run.summary.last.q;
     assert!((last[0] - 1.5).abs() < 1e-6 && (last[1] + 0.4).abs() < 1e-6, "{last:?}");
     for (q, words) in [
-        ("'down'", "q = \"down\": the poses of the SRDF are up"),
+        ("'down'", "q = \"down\": the poses of the SRDF are up, ball"),
+        (
+            "'ball'",
+            "q = \"ball\": the SRDF gives joint 'turn' 2 numbers, where a hinge or slider has one: give q by joint names",
+        ),
         ("{ tun = 1 }", "q names the joint 'tun': the joints with one coordinate are lift, turn"),
     ] {
         let refused = start(q).unwrap_err().to_string();
@@ -240,6 +247,7 @@ fn effort_limits_of_a_scene_replace_those_of_the_urdf() {
     for (text, words) in [
         (text("effort = { lift = 30 }", false), "[robot] effort is read with [run] effort_limits = true only"),
         (text("effort = { lfit = 30 }", true), "effort: no joint is named 'lfit'"),
+        (text("effort = { hold = 1 }", true), "an effort limit belongs to a joint with one coordinate of its own"),
         (text("effort = { lift = -1 }", true), "effort: effort limit is -1: it must not be negative"),
     ] {
         let refused = two_links(&text).unwrap_err().to_string();

@@ -28,8 +28,8 @@ pub struct Robot {
 pub struct NamedPose {
     /// Its name.
     pub name: String,
-    /// Joints with their positions, rad or m.
-    pub positions: Vec<(String, f64)>,
+    /// Joints with the numbers of their positions as the file has them: one for a hinge or slider, rad or m.
+    pub positions: Vec<(String, Vec<f64>)>,
 }
 
 /// What loading has found in a file and changed.

@@ -33,7 +33,7 @@ pub(super) fn read(path: &Path, links: &[Link], joints: &[Joint], warnings: &mut
         return Err(source.error(source.root, None, "is not an SRDF: its root must be <robot>"));
     }
     let places: HashMap<&str, usize> = links.iter().enumerate().map(|(k, link)| (link.name.as_str(), k)).collect();
-    let (mut unknown, mut strange) = (BTreeSet::new(), BTreeSet::new());
+    let (mut unknown, mut unknown_joints) = (BTreeSet::new(), BTreeSet::new());
     let mut poses: Vec<NamedPose> = Vec::new();
     let mut index = |node: Node, attribute: &str| -> Result<Option<usize>, ChainError> {
         let name = node
@@ -71,14 +71,15 @@ pub(super) fn read(path: &Path, links: &[Link], joints: &[Joint], warnings: &mut
                     let own = joint.attribute("name").ok_or_else(|| missing(joint, "name"))?;
                     let value = joint.attribute("value").ok_or_else(|| missing(joint, "value"))?;
                     if !joints.iter().any(|known| known.name == own) {
-                        strange.insert(own.to_owned());
+                        unknown_joints.insert(own.to_owned());
                         continue;
                     }
-                    let number = value.trim().parse::<f64>().ok().filter(|x| x.is_finite());
-                    let rule =
-                        "is not one finite number: a pose by name holds the positions of hinges and sliders, rad or m";
-                    let number = number.ok_or_else(|| source.error(joint, Some("value"), rule))?;
-                    poses[at].positions.push((own.to_owned(), number));
+                    let numbers = value.split_whitespace().map(|x| x.parse::<f64>().ok().filter(|x| x.is_finite()));
+                    let rule = "is no list of finite numbers: give the position of the joint, rad or m";
+                    let numbers: Option<Vec<f64>> = numbers.collect();
+                    let numbers = numbers.filter(|numbers| !numbers.is_empty());
+                    let numbers = numbers.ok_or_else(|| source.error(joint, Some("value"), rule))?;
+                    poses[at].positions.push((own.to_owned(), numbers));
                 }
             }
             _ => {}
@@ -88,8 +89,8 @@ pub(super) fn read(path: &Path, links: &[Link], joints: &[Joint], warnings: &mut
         let names: Vec<&str> = unknown.iter().map(String::as_str).collect();
         warnings.note_text(format!("{file} names links that the robot does not have: {}", listed(&names)));
     }
-    if !strange.is_empty() {
-        let names: Vec<&str> = strange.iter().map(String::as_str).collect();
+    if !unknown_joints.is_empty() {
+        let names: Vec<&str> = unknown_joints.iter().map(String::as_str).collect();
         warnings.note_text(format!("{file} names joints that the robot does not have: {}", listed(&names)));
     }
     let name = |k: usize| links[k].name.clone();

@@ -72,7 +72,7 @@ fn faulty_srdf_files_are_refused_with_file_and_line() {
     assert!(refused.starts_with("no/such.srdf: cannot be read: "), "{refused}");
 }
 
-/// The states of all groups under one name are one pose; joints of another variant of the robot are a note, and numbers that are none are
+/// The states of all groups under one name are one pose, with all numbers of a joint, as files of other programs have them; joints of another variant of the robot are a note, and numbers that are none are
 /// refused.
 #[test]
 fn poses_are_those_of_all_groups_of_a_name() {
@@ -81,17 +81,21 @@ fn poses_are_those_of_all_groups_of_a_name() {
     };
     let text = state("home", "arm", "<joint name='j' value=' 0.5 '/>")
         + &state("rest", "arm", "")
-        + &state("home", "hand", "<joint name='k' value='-1e-3'/><joint name='finger' value='1'/>");
+        + &state("home", "hand", "<joint name='k' value=' -1e-3  2'/><joint name='finger' value='1'/>");
     let robot = load("poses", &format!("<robot name='r'>{text}</robot>")).unwrap();
     let found: Vec<_> = robot.poses.iter().map(|pose| (pose.name.as_str(), pose.positions.clone())).collect();
-    assert_eq!(found, [("home", vec![("j".to_owned(), 0.5), ("k".to_owned(), -1e-3)]), ("rest", vec![])]);
+    assert_eq!(
+        found,
+        [("home", vec![("j".to_owned(), vec![0.5]), ("k".to_owned(), vec![-1e-3, 2.0])]), ("rest", vec![])]
+    );
     assert!(
         robot.report.unused[0].ends_with("names joints that the robot does not have: 'finger'"),
         "{:?}",
         robot.report
     );
     for (joint, words) in [
-        ("<joint name='j' value='1 2'/>", "is not one finite number"),
+        ("<joint name='j' value='1 two'/>", "is no list of finite numbers"),
+        ("<joint name='j' value=' '/>", "is no list of finite numbers"),
         ("<joint name='j'/>", "value"),
         ("<joint value='1'/>", "name"),
     ] {

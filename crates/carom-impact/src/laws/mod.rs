@@ -33,7 +33,7 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 ///
 /// ```text
 /// /// what the law is, for the classes of the Python package
-/// "name" | "alias" Type { coefficients } "what the law is, in the help of the command line: 70 columns at most";
+/// "name" | "alias" Type { coefficients } "description in the help of the command line, at most 70 columns";
 /// ```
 ///
 /// Aliases are read wherever the name is, and never written. The coefficients are fields of the type and of [`Coefficients`](crate::Coefficients), `restitution` first.

@@ -1,4 +1,4 @@
-//! The loads of an impact on the joints: what their drives, gears and bearings carry.
+//! The loads of an impact on the joints: the impulses through drives, gears and bearings.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
@@ -78,7 +78,7 @@ impl Strike<'_> {
     /// let strike = arm.impact(&q, &qd).at(arm.frame("tip")?).normal([0.0, 1.0, 0.0]);
     /// let hit = strike.clone().resolve(&Energetic { restitution: 0.5, friction: 0.3 })?;
     /// let loads = strike.loads(&hit)?;
-    /// // The base gets what the impulse does not change in the momentum of the arm; free hinges pass on no moment about their axes.
+    /// // A free hinge transmits no moment about its axis.
     /// assert!(loads.through.iter().all(|joint| joint.moment.z.abs() < 1e-15));
     /// assert_eq!(loads.through[0].joint, "joint1");
     /// # Ok::<(), Box<dyn std::error::Error>>(())

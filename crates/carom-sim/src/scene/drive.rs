@@ -212,10 +212,20 @@ pub(crate) fn positions(key: &str, given: &Target, chain: &Chain, start: &[f64])
                 format!("{key} = \"{name}\": the poses of the SRDF are {known}")
             })?;
             // A pose of the file may name fixed and mimic joints, too, which have no position of their own.
-            let own = |joint: &str| {
-                chain.joint(joint).is_ok_and(|joint| matches!(joint.coordinates, Coordinates::Own { .. }))
-            };
-            with(&mut pose.positions.iter().filter(|(joint, _)| own(joint)).map(|(joint, x)| (joint, *x)))
+            let own =
+                |joint: &str| chain.joint(joint).is_ok_and(|it| matches!(it.coordinates, Coordinates::Own { .. }));
+            let mut found = Vec::new();
+            for (joint, numbers) in pose.positions.iter().filter(|(joint, _)| own(joint)) {
+                let [x] = numbers[..] else {
+                    let count = numbers.len();
+                    return Err(format!(
+                        "{key} = \"{name}\": the SRDF gives joint '{joint}' {count} numbers, where a hinge or slider has one: give {key} by \
+                         joint names"
+                    ));
+                };
+                found.push((joint, x));
+            }
+            with(&mut found.into_iter())
         }
     }
 }

@@ -145,14 +145,14 @@ impl Study {
     }
 }
 
-/// The conditions that do not vary, of all axes of a study: law, coefficients (but those of 0, which are given by no one), speed, angle.
+/// The conditions that do not vary, of all axes of a study: law, restitution, other coefficients
+/// that are not 0, speed, angle.
 fn conditions(axes: &[Axis]) -> String {
     let [.., _, approach, speed, restitution, tangential, friction, law] = axes else { return String::new() };
     let fixed = |axis: &Axis, text: String| (!axis.varies()).then_some(text);
     let value = |axis: &Axis| tick(axis.value(0), axis.value(0).abs() / 100.0);
     let coefficient = |axis: &Axis, name: &str| {
-        fixed(axis, format!("{name} = {}", value(axis)))
-            .filter(|_| axis.varies() || axis.value(0) != 0.0 || name == "e")
+        fixed(axis, format!("{name} = {}", value(axis))).filter(|_| axis.value(0) != 0.0 || name == "e")
     };
     let parts = [
         fixed(law, law.names().first().cloned().unwrap_or_default()),
