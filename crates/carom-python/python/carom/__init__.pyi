@@ -3,7 +3,7 @@
 import enum
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, Generic, Literal, NamedTuple, Protocol, TypeVar, overload
+from typing import Any, Generic, Literal, NamedTuple, Protocol, TypedDict, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,14 @@ _Number = TypeVar("_Number")
 _Path = str | os.PathLike[str]
 _Function = Callable[[_Floats, _Floats], ArrayLike]
 _AnyLaw = Law | PythonLaw | _Function
+
+class _JointImpulse(TypedDict):
+    force: _Vector
+    moment: _Vector
+
+class _Loads(TypedDict):
+    joint_impulse: _Vector
+    bearings: dict[str, _JointImpulse]
 
 class _Stream(Protocol):
     """rerun.RecordingStream."""
@@ -424,7 +432,7 @@ class Chain:
         """
     def impact_loads(
         self, q: ArrayLike, change: ArrayLike, frame: str, impulse: ArrayLike, *, point: ArrayLike | None = None
-    ) -> dict[str, Any]:
+    ) -> _Loads:
         """The loads of an impact on the joints: what their drives, gears and bearings get.
 
         Args:

@@ -1,7 +1,8 @@
-//! Impact maps from study files: each row agrees with a single impact and does not depend on other rows (`rows`); files do
-//! not depend on threads, interruptions and shards (`files`).
+//! Impact maps from study files: each row agrees with a single impact and does not depend on other rows (`rows`), the tip is at its target
+//! (`poses`), and files do not depend on threads, interruptions and shards (`files`).
 
 mod files;
+mod poses;
 mod rows;
 
 use carom_study::map_study::Study;

@@ -5,33 +5,32 @@ use carom_chain::Chain;
 use carom_impact::{Coefficients, law_by_name};
 use carom_sim::{ChainImpact, Impacts, JointModel};
 use carom_study::map_study::{CLASSES, Evaluator, Study};
-use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
-const EVERYTHING: &str = r#""mode", "tangential_jump", "tangential_after", "normal_after", "impulse", "effective_mass", "coupling",
+pub const EVERYTHING: &str = r#""mode", "tangential_jump", "tangential_after", "normal_after", "impulse", "effective_mass", "coupling",
     "energy_loss", "energy_ratio", "joint_jump", "joint_load", "joint_impulse", "limit_share", "limit_joint", "qd_minus", "qd_plus", "position""#;
 
 /// A row by the names of its columns.
-struct Row(BTreeMap<String, f64>);
+pub struct Row(pub BTreeMap<String, f64>);
 
 impl Row {
-    fn of(study: &Study, evaluator: &mut Evaluator, index: u64) -> Self {
+    pub fn of(study: &Study, evaluator: &mut Evaluator, index: u64) -> Self {
         let mut row = vec![0.0; study.columns().len()];
         evaluator.row(index, &mut row);
         Self(study.columns().iter().map(|c| c.name.clone()).zip(row).collect())
     }
-    fn get(&self, name: &str) -> f64 {
+    pub fn get(&self, name: &str) -> f64 {
         *self.0.get(name).unwrap_or_else(|| panic!("no column {name} among {:?}", self.0.keys()))
     }
-    fn group(&self, prefix: &str, joints: &[String]) -> Vec<f64> {
+    pub fn group(&self, prefix: &str, joints: &[String]) -> Vec<f64> {
         joints.iter().map(|joint| self.get(&format!("{prefix}.{joint}"))).collect()
     }
-    fn class(&self) -> &'static str {
+    pub fn class(&self) -> &'static str {
         CLASSES[self.get("class") as usize]
     }
 }
 
-fn joints(chain: &Chain) -> Vec<String> {
+pub fn joints(chain: &Chain) -> Vec<String> {
     let own = |j: &&carom_chain::JointInfo| matches!(j.coordinates, carom_chain::Coordinates::Own { .. });
     chain.joints().iter().filter(own).map(|j| j.name.clone()).collect()
 }
@@ -46,7 +45,7 @@ fn single(chain: &Chain, q: &[f64], qd: &[f64], normal: [f64; 3], law: &str, wit
 /// condition number is below 1e5 here, so rounding errors of 1e-16 grow to 1e-11; the work is a sum of terms of the size of
 /// the energy.
 #[allow(clippy::too_many_arguments)] // all conditions of an impact
-fn compare(
+pub fn compare(
     study: &Study,
     chain: &Chain,
     row: &Row,
@@ -338,92 +337,6 @@ fn locked_mass_is_at_most_the_mass_of_the_moving_links() {
     assert!(high <= 19.689 * (1.0 + 1e-12) && high > 19.5 && low < 12.0, "{low} to {high}");
 }
 
-/// Rows are unreachable exactly beyond the length of the arm. All others have the tip at its target and the elbow on its side;
-/// those without numbers violate a limit or are stretched out, folded or along the normal.
-#[test]
-fn poses_of_a_tip_grid_have_the_tip_at_its_target_with_both_elbows() {
-    let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"energetic\"\nrestitution = 0.35\nfriction = 0.1";
-    let poses = "[tip]\nx = { from = -1, to = 1, count = 21 }\ny = { from = -1, to = 1, count = 21 }";
-    let study = study("planar2", poses, impact, EVERYTHING);
-    let chain = Chain::from_urdf_file(robot("planar2")).unwrap();
-    let mut evaluator = study.evaluator();
-    let mut counted = [0; 2];
-    let mut others = BTreeMap::new();
-    for index in 0..study.rows() {
-        let row = Row::of(&study, &mut evaluator, index);
-        let (x, y) = (row.get("tip.x"), row.get("tip.y"));
-        if row.class() == "unreachable" {
-            // two links of 0.45 m; at the edge rounding decides
-            assert!(x.hypot(y) > 0.9 - 1e-9, "({x}, {y})");
-            assert!(row.get("impulse").is_nan() && row.get("q.elbow").is_nan());
-            *others.entry("unreachable").or_insert(0) += 1;
-            continue;
-        }
-        assert!(x.hypot(y) < 0.9 + 1e-9);
-        let q = [row.get("q.shoulder"), row.get("q.elbow")];
-        let (first, both) = (q[0], q[0] + q[1]);
-        let tip = [0.45 * (first.cos() + both.cos()), 0.45 * (first.sin() + both.sin())];
-        assert!((tip[0] - x).hypot(tip[1] - y) < 1e-12, "tip at {tip:?} instead of ({x}, {y})");
-        if ["outside-limits", "singular"].contains(&row.class()) {
-            let beyond = q.iter().any(|x| x.abs() > 3.1);
-            let singular = q[1].sin().abs() < 1e-6;
-            assert!(if row.class() == "singular" { singular } else { beyond }, "{} at {q:?}", row.class());
-            *others.entry(row.class()).or_insert(0) += 1;
-            continue;
-        }
-        assert!((row.get("position.x") - x).hypot(row.get("position.y") - y) < 1e-12);
-        // elbow 0 is up: to the left of the line from the base to the tip
-        let above = x * q[0].sin() - y * q[0].cos();
-        let up = row.get("elbow") == 0.0;
-        assert!(if up { above > 0.0 } else { above < 0.0 }, "elbow of {q:?} at ({x}, {y})");
-        let with = Coefficients { restitution: 0.35, friction: 0.1, ..Coefficients::default() };
-        compare(&study, &chain, &row, &q, [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], "energetic", with);
-        counted[usize::from(up)] += 1;
-    }
-    assert_eq!(
-        (counted, Vec::from_iter(others)),
-        ([246; 2], vec![("outside-limits", 8), ("singular", 6), ("unreachable", 376)])
-    );
-}
-
-/// Inverse kinematics by Newton's method: it finds a pose for every target within reach and for none beyond it.
-#[test]
-fn poses_of_redundant_arms_have_the_tip_at_every_target_within_reach() {
-    let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"frictionless\"\nrestitution = 0.35";
-    let planar = "[tip]\nx = { from = 0.2, to = 1.4, count = 13 }\ny = { from = -0.6, to = 0.6, count = 7 }";
-    let space = "[tip]\nx = [0.2, 0.4, 3.0]\ny = [-0.2, 0.3]\nz = [0.3, 0.6]";
-    // planar3 has links of 0.45, 0.45 and 0.25 m; the targets of arm7 with x = 3 are beyond its length
-    let within: [fn(f64, f64) -> bool; 2] = [|x, y| x.hypot(y) < 1.15, |x, _| x < 1.0];
-    for (name, poses, within, counts) in
-        [("planar3", planar, within[0], [128, 54, 0]), ("arm7", space, within[1], [14, 8, 2])]
-    {
-        let study = study(name, poses, impact, "\"position\"");
-        let mut evaluator = study.evaluator();
-        // reached, beyond reach, without numbers
-        let mut found = [0; 3];
-        for index in 0..study.rows() {
-            let row = Row::of(&study, &mut evaluator, index);
-            let reachable = within(row.get("tip.x"), row.get("tip.y"));
-            assert_eq!(row.class() != "unreachable", reachable, "{name}, row {index}: {}", row.class());
-            if !reachable {
-                found[1] += 1;
-                continue;
-            }
-            if ["outside-limits", "singular"].contains(&row.class()) {
-                found[2] += 1;
-                continue;
-            }
-            let off = ["x", "y", "z"].map(|k| {
-                let target = format!("tip.{k}");
-                row.0.get(&target).map_or(0.0, |wanted| row.get(&format!("position.{k}")) - wanted)
-            });
-            assert!(off.iter().all(|x| x.abs() < 1e-9), "{name}, row {index}: {off:?}");
-            found[0] += 1;
-        }
-        assert_eq!(found, counts, "{name}");
-    }
-}
-
 /// Rows in any order are identical to rows computed alone. Checked for a study with inverse kinematics, and for one with nearly
 /// stretched poses, of which some normals need the factorised inertia.
 #[test]
@@ -464,101 +377,6 @@ fn a_row_does_not_depend_on_the_rows_computed_before() {
             backward.row(index, &mut row);
             assert_eq!(bits(&row), alone[index as usize], "row {index} after those behind");
         }
-    }
-}
-
-/// The three links of planar3 with the last one along a given direction reach the targets whose wrist the first two reach: 0.45 m
-/// and 0.45 m, and 0.25 m from the wrist to the tip.
-#[test]
-fn a_planar_arm_with_a_direction_reaches_what_its_other_links_do() {
-    let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"frictionless\"\nrestitution = 0.35";
-    let angle = 0.4_f64;
-    let direction = [angle.cos(), angle.sin()];
-    let poses = format!(
-        "limits = false\n[tip]\nx = {{ from = 0.1, to = 1.2, count = 12 }}\ny = {{ from = -0.6, to = 0.6, count = 7 }}\n\
-         pointing = {{ axis = [2, 0, 0], direction = [{}, {}, 0] }}",
-        3.0 * direction[0],
-        3.0 * direction[1]
-    );
-    let study = study("planar3", &poses, impact, "\"position\"");
-    let (chain, mut evaluator) = (study.chain(), study.evaluator());
-    let tip = chain.frame("tip").unwrap();
-    let mut workspace = chain.workspace();
-    let mut found = [0; 2];
-    for index in 0..study.rows() {
-        let row = Row::of(&study, &mut evaluator, index);
-        let target = [row.get("tip.x"), row.get("tip.y")];
-        let wrist = (target[0] - 0.25 * direction[0]).hypot(target[1] - 0.25 * direction[1]);
-        assert_eq!(row.class() != "unreachable", wrist < 0.9, "row {index}: {}, wrist at {wrist} m", row.class());
-        found[usize::from(wrist < 0.9)] += 1;
-        if wrist < 0.9 && row.class() != "singular" {
-            let q = row.group("q", &joints(chain));
-            let pose = workspace.update(chain, &q).unwrap().pose(tip);
-            let off = [pose.rotation[(0, 0)] - direction[0], pose.rotation[(1, 0)] - direction[1]];
-            let away = [pose.translation.x - target[0], pose.translation.y - target[1]];
-            assert!(off.iter().chain(&away).all(|x| x.abs() < 1e-9), "row {index}: {off:?}, {away:?}");
-        }
-    }
-    assert!(found.iter().all(|n| *n > 10), "{found:?}");
-}
-
-/// In space the axis has its direction at every pose that is found, and at the better pose of the self-motion as well, which
-/// keeps the position too. Tolerance: that of the inverse kinematics, 1e-10 of the arm's length.
-#[test]
-fn an_arm_in_space_keeps_the_direction_of_its_tip() {
-    let impact = "normal = [-1, 0, 0]\napproach_deg = 90\nspeed = 0.2\nlaw = \"frictionless\"\nrestitution = 0.35";
-    let direction = Vector3::new(1.0, 0.2, -0.4).normalize();
-    let poses = "[tip]\nx = [0.65, 0.75]\ny = [-0.1, 0.2]\nz = [0.3, 0.5]\n\
-                 pointing = { axis = [0, 0, 1], direction = [1, 0.2, -0.4] }\n\
-                 [advise]\nminimise = \"impulse\"\nbest = 3";
-    let study = study("arm7", poses, impact, "\"position\", \"impulse\"");
-    let (chain, mut evaluator) = (study.chain(), study.evaluator());
-    let tip = chain.frame("tip").unwrap();
-    let mut workspace = chain.workspace();
-    let mut off = |q: &[f64], target: [f64; 3]| {
-        let pose = workspace.update(chain, q).unwrap().pose(tip);
-        let axis = pose.rotation.column(2).into_owned();
-        (axis - direction).norm().max((pose.translation - Vector3::from(target)).norm())
-    };
-    let target = |row: &Row| ["x", "y", "z"].map(|k| row.get(&format!("tip.{k}")));
-    let mut found = 0;
-    for index in 0..study.rows() {
-        let row = Row::of(&study, &mut evaluator, index);
-        if row.get("position.x").is_finite() {
-            let error = off(&row.group("q", &joints(chain)), target(&row));
-            assert!(error < 1e-9, "row {index}: {error}");
-            found += 1;
-        }
-    }
-    assert!(found >= 8, "{found} of {} poses found", study.rows());
-    let advice = study.advise().unwrap();
-    let mut moved = 0;
-    for one in &advice.best {
-        let row = Row(study.columns().iter().map(|c| c.name.clone()).zip(one.row.clone()).collect());
-        if let Some((q, _)) = &one.self_motion {
-            let error = off(q, target(&row));
-            assert!(error < 1e-9, "self-motion of row {}: {error}", one.index);
-            moved += 1;
-        }
-    }
-    assert!(moved > 0);
-}
-
-#[test]
-fn directions_of_the_tip_that_cannot_be_are_refused() {
-    let impact = "[impact]\nnormal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"newton\"\nrestitution = 0.3";
-    for (axis, direction, said) in [
-        ("[0, 0, 0]", "[1, 0, 0]", "[tip] pointing.axis = [0.0, 0.0, 0.0]: it must be finite and not zero"),
-        ("[1, 0, 0]", "[1, 0, inf]", "[tip] pointing.direction = [1.0, 0.0, inf]: it must be finite and not zero"),
-        ("[1, 0, 0]", "[1, 0, 1]", "[tip] pointing.direction leaves the plane in which the arm moves"),
-    ] {
-        let text = format!(
-            "[robot]\nurdf = \"{}\"\n[tip]\nx = 0.5\ny = 0.1\npointing = {{ axis = {axis}, direction = {direction} }}\n{impact}\n\
-             [map]\nquantities = [\"impulse\"]\n",
-            robot("planar3")
-        );
-        let refused = Study::from_toml(&text, ".").err().unwrap().to_string();
-        assert!(refused.contains(said), "{refused}");
     }
 }
 
