@@ -6,7 +6,7 @@ use nalgebra::{Vector2, vector};
 
 /// Every admissible impulse, in the order stick, slip +1, slip -1, with the margin by which the case is admissible: on
 /// the boundary of two cases, rounding decides.
-fn admissible(case: &Case) -> Vec<(Mode, Vector2<f64>, f64)> {
+fn admissible(case: &Case<2>) -> Vec<(Mode, Vector2<f64>, f64)> {
     let (h, mu) = (case.delassus, case.friction);
     let gain = -(1.0 + case.restitution) * case.u[1];
     let mut found = Vec::new();

@@ -5,12 +5,12 @@
 //! while it slips, `dv_t/dp = -(1.5 + 2.5 μ)` and `dv_n/dp = 2.5 + 1.5 μ`; after slip has stopped it sticks from
 //! `μ_stick = 0.6` on.
 
-use crate::common::{close, rough};
+use crate::common::{FOLLOWING, Foreign, TURNING, close, pendulum, rough};
 use carom_impact::{
-    AnyLaw, Boundary, Brach, ChatterjeeRuina, Edge, Energetic, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES,
-    Law, Mode, Newton, Phase, Poisson, Smith, Whittaker,
+    AnyLaw, Boundary, Brach, ChatterjeeRuina, Edge, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, Mode,
+    Newton, Phase, Smith, Whittaker,
 };
-use nalgebra::{Matrix3, SMatrix, SVector, matrix, vector};
+use nalgebra::{Matrix3, SVector, matrix, vector};
 
 const E: f64 = 0.5;
 
@@ -47,13 +47,8 @@ fn expect(found: &[Boundary], edge: Edge, beyond: Mode, margin: f64) {
     close(edge.name(), boundary.margin, margin, 1e-12);
 }
 
-fn following(friction: f64) -> [(Box<dyn Law<f64, 2>>, &'static str); 3] {
-    let restitution = E;
-    [
-        (Box::new(Newton { restitution, friction }), "newton"),
-        (Box::new(Poisson { restitution, friction }), "poisson"),
-        (Box::new(Energetic { restitution, friction }), "energetic"),
-    ]
+fn following(friction: f64) -> [(AnyLaw, &'static str); 3] {
+    FOLLOWING.map(|name| (AnyLaw::named(name, rough(E, friction)).unwrap(), name))
 }
 
 #[test]
@@ -110,7 +105,7 @@ fn stop_at_the_end_separates_slip_and_reverse_slip() {
         for (law, name) in following(mu) {
             let hit = law.resolve(&rod()).unwrap();
             assert_eq!((hit.mode, hit.slip_end), (Mode::Slip, None), "{name} {mu}");
-            let found = boundaries(&rod(), &*law);
+            let found = boundaries(&rod(), &law);
             assert_eq!(edges(&found), ["no-approach", "no-slip", "stops-at-end"], "{name} {mu}");
             expect(&found, Edge::NoApproach, Mode::Open, 0.5_f64.sqrt());
             expect(&found, Edge::NoSlip, Mode::ReverseSlip, 0.5_f64.sqrt());
@@ -127,7 +122,7 @@ fn stop_at_the_end_separates_slip_and_reverse_slip() {
         for (law, name) in following(mu) {
             let hit = law.resolve(&rod()).unwrap();
             assert_eq!((hit.mode, hit.slip_end), (Mode::ReverseSlip, Some(Phase::Restitution)), "{name} {mu}");
-            let found = boundaries(&rod(), &*law);
+            let found = boundaries(&rod(), &law);
             let expected = ["just-holds", "no-approach", "no-slip", "stops-at-end", "stops-at-turn"];
             assert_eq!(edges(&found), expected, "{name} {mu}");
             expect(&found, Edge::NoSlip, Mode::Slip, 0.5_f64.sqrt());
@@ -153,7 +148,7 @@ fn stop_at_the_end_separates_slip_and_stick() {
     for (mu, mode, beyond) in [(0.25 - 1e-7, Mode::Slip, Mode::Stick), (0.25 + 1e-7, Mode::Stick, Mode::Slip)] {
         for (law, name) in following(mu) {
             assert_eq!(law.resolve(&problem).unwrap().mode, mode, "{name}");
-            let nearest = boundaries(&problem, &*law)[0];
+            let nearest = boundaries(&problem, &law)[0];
             assert_eq!((nearest.edge, nearest.beyond), (Edge::StopsAtEnd, beyond), "{name}");
             assert!(nearest.margin > 0.0 && nearest.margin < 1e-6, "{name} {nearest:?}");
         }
@@ -174,7 +169,7 @@ fn stop_at_the_end_of_compression_separates_the_phases() {
         for (law, name) in following(mu) {
             let hit = law.resolve(&rod()).unwrap();
             assert_eq!((hit.mode, hit.slip_end), (Mode::Stick, Some(phase)), "{name} {mu}");
-            let found = boundaries(&rod(), &*law);
+            let found = boundaries(&rod(), &law);
             expect(&found, Edge::StopsAtTurn, Mode::Stick, apart(p1, pc));
             expect(&found, Edge::NoSlip, Mode::Stick, 0.5_f64.sqrt());
             expect(&found, Edge::JustHolds, Mode::ReverseSlip, apart(mu, 0.6));
@@ -196,7 +191,7 @@ fn without_slip_mu_stick_separates_slip_and_stick() {
     {
         for (law, name) in following(mu) {
             assert_eq!(law.resolve(&drop).unwrap().mode, mode, "{name}");
-            let found = boundaries(&drop, &*law);
+            let found = boundaries(&drop, &law);
             assert_eq!(edges(&found), ["just-holds", "no-approach", "no-slip"], "{name}");
             expect(&found, Edge::JustHolds, beyond, apart(mu, 0.6));
             expect(&found, Edge::NoApproach, Mode::Open, 1.0);
@@ -209,17 +204,17 @@ fn without_slip_mu_stick_separates_slip_and_stick() {
 /// Slip towards `sign B` jams from `μ = C/|B|` on; slip the other way never does.
 #[test]
 fn jam_is_a_boundary_of_slip_towards_the_coupling_only() {
-    let h = matrix![2.440338045696, 1.521308658011; 1.521308658011, 1.009560290504];
+    let h = *pendulum().delassus();
     let jam = h[(1, 1)] / h[(0, 1)];
     for mu in [0.3, jam * (1.0 - 1e-9), jam * (1.0 + 1e-9), 0.9] {
         for (law, name) in following(mu) {
             let towards = ImpactProblem::new(h, vector![0.3, -0.134201]).unwrap();
             let hit = law.resolve(&towards).unwrap();
             assert_eq!(hit.flags.contains(carom_impact::Flags::JAM), mu > jam, "{name}");
-            expect(&boundaries(&towards, &*law), Edge::Jams, hit.mode, apart(mu, jam));
+            expect(&boundaries(&towards, &law), Edge::Jams, hit.mode, apart(mu, jam));
             for v_t in [0.0, -0.3] {
                 let away = ImpactProblem::new(h, vector![v_t, -0.134201]).unwrap();
-                assert!(!edges(&boundaries(&away, &*law)).contains(&"jams"), "{name} {v_t}");
+                assert!(!edges(&boundaries(&away, &law)).contains(&"jams"), "{name} {v_t}");
             }
         }
     }
@@ -277,6 +272,9 @@ fn brach_s_ratio_is_clipped_at_the_critical_one() {
             let found = boundaries(&rod(), law);
             assert_eq!(edges(&found), ["clipped", "no-approach", "no-slip"]);
             expect(&found, Edge::Clipped, hit.mode, apart(ratio, 1.0 / 9.0));
+            // Beyond it nothing changes.
+            let by = rod().differentiate(law).unwrap().friction;
+            assert_eq!(by.norm() > 0.1, ratio < 1.0 / 9.0, "{ratio}: {by}");
         }
     }
 }
@@ -287,7 +285,7 @@ fn brach_s_ratio_is_clipped_at_the_critical_one() {
 fn sphere_in_space_has_the_closed_forms_of_the_plane() {
     let sphere = ImpactProblem::new(Matrix3::from_diagonal(&vector![3.5, 3.5, 1.0]), vector![0.6, -0.8, -1.0]).unwrap();
     for mu in [0.05, 2.0 / 10.5 - 1e-9, 2.0 / 10.5 + 1e-9, 0.25, 2.0 / 7.0 + 1e-9, 0.7] {
-        for name in ["newton", "poisson", "energetic"] {
+        for name in FOLLOWING {
             let law = AnyLaw::named(name, rough(E, mu)).unwrap();
             let hit: ImpactOutcome<f64, 3> = law.resolve(&sphere).unwrap();
             let (found, p1) = (boundaries(&sphere, &law), 1.0 / (3.5 * mu));
@@ -317,7 +315,7 @@ fn sphere_in_space_has_the_closed_forms_of_the_plane() {
 fn exact_stop_at_the_end_has_margin_zero() {
     let plane = ImpactProblem::new(matrix![1.0, 0.0; 0.0, 1.0], vector![0.75, -1.0]).unwrap();
     let space = ImpactProblem::new(Matrix3::identity(), vector![0.0, 0.75, -1.0]).unwrap();
-    for name in ["newton", "poisson", "energetic"] {
+    for name in FOLLOWING {
         let law = AnyLaw::named(name, rough(E, 0.5)).unwrap();
         let hit: ImpactOutcome<f64, 3> = law.resolve(&space).unwrap();
         assert_eq!((hit.u_plus, hit.slip_end), (vector![0.0, 0.0, 0.5], None), "{name}");
@@ -337,7 +335,7 @@ fn slip_that_does_not_decrease_has_no_boundary_at_the_end() {
     let problem = ImpactProblem::new(matrix![2.0, 1.0; 1.0, 2.0], vector![1.0, -1.0]).unwrap();
     for mu in [0.2, 0.5] {
         for (law, name) in following(mu) {
-            let found = boundaries(&problem, &*law);
+            let found = boundaries(&problem, &law);
             assert_eq!(edges(&found), ["jams", "no-approach", "no-slip"], "{name} {mu}");
             expect(&found, Edge::Jams, Mode::Slip, apart(mu, 2.0));
         }
@@ -348,16 +346,15 @@ fn slip_that_does_not_decrease_has_no_boundary_at_the_end() {
 /// whose direction u is not the initial one.
 #[test]
 fn stop_of_turning_slip_is_extrapolated_from_its_end() {
-    let h: SMatrix<f64, 3, 3> = matrix![2.0, 0.3, 0.5; 0.3, 1.5, -0.4; 0.5, -0.4, 1.2];
     let start: SVector<f64, 3> = vector![-0.9, 0.6, -0.4];
-    let problem = ImpactProblem::new(h, start).unwrap();
+    let problem = ImpactProblem::new(TURNING, start).unwrap();
     for friction in [0.1, 0.3] {
-        for name in ["newton", "poisson", "energetic"] {
+        for name in FOLLOWING {
             let law = AnyLaw::named(name, rough(0.6, friction)).unwrap();
             let hit: ImpactOutcome<f64, 3> = law.resolve(&problem).unwrap();
             let u = hit.u_plus.xy().normalize();
             assert!(hit.slip_end.is_none() && u.perp(&start.xy().normalize()).abs() > 1e-3, "{name} {hit:?}");
-            let rate = (h * vector![-friction * u.x, -friction * u.y, 1.0]).xy().dot(&u);
+            let rate = (TURNING * vector![-friction * u.x, -friction * u.y, 1.0]).xy().dot(&u);
             assert!(rate < 0.0, "{name} {rate}");
             let stop = hit.impulse.z - hit.u_plus.xy().norm() / rate;
             expect(&boundaries(&problem, &law), Edge::StopsAtEnd, Mode::ReverseSlip, apart(stop, hit.impulse.z));
@@ -369,10 +366,9 @@ fn stop_of_turning_slip_is_extrapolated_from_its_end() {
 /// the nearest boundary has the margin 0 from both sides, names the same edge, and the modes of each other's side.
 #[test]
 fn turning_slip_reaches_its_boundaries_with_margin_zero() {
-    let h: SMatrix<f64, 3, 3> = matrix![2.0, 0.3, 0.5; 0.3, 1.5, -0.4; 0.5, -0.4, 1.2];
     let u: SVector<f64, 3> = vector![0.1, 0.15, -1.0];
-    let problem = ImpactProblem::new(h, u).unwrap();
-    for name in ["newton", "poisson", "energetic"] {
+    let problem = ImpactProblem::new(TURNING, u).unwrap();
+    for name in FOLLOWING {
         let law = |mu: f64| AnyLaw::named(name, rough(0.6, mu)).unwrap();
         let class = |mu: f64| {
             let hit: ImpactOutcome<f64, 3> = law(mu).resolve(&problem).unwrap();
@@ -400,17 +396,6 @@ fn turning_slip_reaches_its_boundaries_with_margin_zero() {
         }
         println!("{name} {changes:?}");
         assert!(changes.len() >= 2, "{name} {changes:?}");
-    }
-}
-
-struct Foreign;
-
-impl Law<f64, 2> for Foreign {
-    fn name(&self) -> &'static str {
-        "foreign"
-    }
-    fn resolve(&self, problem: &ImpactProblem<f64, 2>) -> Result<ImpactOutcome<f64, 2>, ImpactError> {
-        Newton { restitution: E, friction: E }.resolve(problem)
     }
 }
 

@@ -3,12 +3,12 @@
 
 use std::f64::consts::PI;
 
-use crate::common::{any_case, any_spatial, close};
+use crate::common::{Case, all_close, any_case, any_spatial, balls, close, pendulum, row_of_balls};
 use carom_impact::{
     Bristle, CompliantOutcome, Damping, Energetic, HuntCrossley, ImpactError, ImpactProblem, KelvinVoigt, Law,
     NormalForce, Poisson, SmoothedCoulomb, TangentialForce, WaltonBraun, compliant_impact, restitution_obtained,
 };
-use nalgebra::{DMatrix, DVector, Matrix2, Vector2, dmatrix, dvector, matrix, vector};
+use nalgebra::{DMatrix, DVector, Vector2, dmatrix, dvector, matrix, vector};
 
 /// Relative error of integrated impacts; kinks within a step increase it.
 const EXACT: f64 = 3e-8;
@@ -38,15 +38,6 @@ fn smoothed(mu: f64, slip_speed: f64) -> TangentialForce {
 /// A ball of mass m against a wall at v0.
 fn ball(law: NormalForce, mass: f64, v0: f64) -> CompliantOutcome {
     compliant_impact(&dmatrix![1.0 / mass], &dvector![-v0], &[(law, NO)]).unwrap()
-}
-
-/// Kane & Levinson's double pendulum: see `kane_levinson.rs`.
-fn pendulum() -> ImpactProblem<f64, 2> {
-    let coupling = 0.5 * 10.0_f64.to_radians().cos();
-    let m = matrix![4.0 / 3.0, coupling; coupling, 1.0 / 3.0];
-    let (a, b) = (20.0_f64.to_radians(), 30.0_f64.to_radians());
-    let j: Matrix2<f64> = matrix![a.cos(), b.cos(); a.sin(), b.sin()];
-    ImpactProblem::new(j * m.try_inverse().unwrap() * j.transpose(), j * vector![-0.1, -0.2]).unwrap()
 }
 
 /// The rebound is e for every mass, stiffness and speed; the penetration is the closed form; the energy balance holds.
@@ -180,28 +171,22 @@ fn explicit_steps_tend_to_stronges_impact_at_first_order() {
 /// Random impacts in the plane and in space: passive, in the cone, with a closed energy balance, and near Stronge's.
 #[test]
 fn random_impacts_are_passive_and_near_stronges() {
-    let mut rng = fastrand::Rng::with_seed(5);
-    for n in 0..120 {
-        let (hit, rigid, energy, mu, tangents) = if n % 2 == 0 {
-            let case = any_case(&mut rng, 0.3);
-            let (e, mu) = (case.restitution.max(0.05), case.friction.min(3.0));
-            let hit = case.problem().compliant(walton_braun(1e4, e), smoothed(mu, 1e-3)).unwrap();
-            let rigid = Energetic { restitution: e, friction: mu }.resolve(&case.problem()).unwrap();
-            (hit, rigid.u_plus.as_slice().to_vec(), rigid.energy_before, mu, 1)
-        } else {
-            let case = any_spatial(&mut rng, 0.3);
-            let (e, mu) = (case.restitution.max(0.05), case.friction.min(3.0));
-            let hit = case.problem().compliant(walton_braun(1e4, e), smoothed(mu, 1e-3)).unwrap();
-            let rigid = Energetic { restitution: e, friction: mu }.resolve(&case.problem()).unwrap();
-            (hit, rigid.u_plus.as_slice().to_vec(), rigid.energy_before, mu, 2)
-        };
-        let friction = hit.impulse.rows(0, tangents).norm();
-        assert!(friction <= mu * hit.impulse[tangents] * (1.0 + 1e-9), "{n}: {friction} {}", hit.impulse[tangents]);
-        assert!(hit.energy_change <= 1e-9 * energy && hit.contacts[0].friction_work <= 0.0, "{n}: {hit:?}");
-        assert!((hit.work() - hit.energy_change).abs() < 1e-8 * energy, "{n}: {hit:?}");
+    fn look<const D: usize>(case: &Case<D>) {
+        let (e, mu) = (case.restitution.max(0.05), case.friction.min(3.0));
+        let hit = case.problem().compliant(walton_braun(1e4, e), smoothed(mu, 1e-3)).unwrap();
+        let rigid = Energetic { restitution: e, friction: mu }.resolve(&case.problem()).unwrap();
+        let (p_t, p_n, energy) = (hit.impulse.rows(0, D - 1).norm(), hit.impulse[D - 1], rigid.energy_before);
+        assert!(p_t <= mu * p_n * (1.0 + 1e-9), "{case:?}: {p_t} {p_n}");
+        assert!(hit.energy_change <= 1e-9 * energy && hit.contacts[0].friction_work <= 0.0, "{case:?}: {hit:?}");
+        assert!((hit.work() - hit.energy_change).abs() < 1e-8 * energy, "{case:?}: {hit:?}");
         // includes jams; the distance is that of the smoothing
-        let off = (hit.u_plus - DVector::from_vec(rigid)).norm();
-        assert!(off < 20.0 * 1e-3, "{n}: off by {off}");
+        let off = (hit.u_plus - DVector::from_column_slice(rigid.u_plus.as_slice())).norm();
+        assert!(off < 20.0 * 1e-3, "{case:?}: off by {off}");
+    }
+    let mut rng = fastrand::Rng::with_seed(5);
+    for _ in 0..60 {
+        look(&any_case(&mut rng, 0.3));
+        look(&any_spatial(&mut rng, 0.3));
     }
 }
 
@@ -236,16 +221,10 @@ fn soft_bristle_reverses_the_slip() {
 
 /// Balls of 1 kg in a row, the first at 1 m/s, the others touching at rest.
 fn cradle(laws: &[NormalForce]) -> (Vec<f64>, CompliantOutcome) {
-    let n = laws.len();
-    let delassus = DMatrix::from_fn(n, n, |i, j| [2.0, -1.0, 0.0][i.abs_diff(j).min(2)]);
-    let mut u = DVector::zeros(n);
-    u[0] = -1.0;
+    let (delassus, u) = row_of_balls(laws.len());
     let contacts: Vec<_> = laws.iter().map(|&law| (law, NO)).collect();
     let hit = compliant_impact(&delassus, &u, &contacts).unwrap();
-    let impulse = |k: usize| if k < n { hit.impulse[k] } else { 0.0 };
-    let mut balls = vec![1.0 - impulse(0)];
-    balls.extend((0..n).map(|k| impulse(k) - impulse(k + 1)));
-    (balls, hit)
+    (balls(&hit.impulse), hit)
 }
 
 /// Springs that are equal, and not: the velocities depend on the exponent and on the ratio of the stiffnesses, not on
@@ -264,9 +243,7 @@ fn newtons_cradle_depends_on_the_ratio_of_stiffnesses() {
     ];
     for (laws, expected, within) in cases {
         let (balls, hit) = cradle(&laws);
-        for (v, expected) in balls.iter().zip(&expected) {
-            close("ball", *v, *expected, 0.6 * within);
-        }
+        all_close("balls", &balls, expected, 0.6 * within);
         close("momentum", balls.iter().sum(), 1.0, 1e-12);
         close("energy", balls.iter().map(|v| v * v).sum(), 1.0, EXACT);
         assert!(hit.energy_change.abs() < 1e-8);

@@ -2,8 +2,7 @@
 //! are zeros of functions of the state found by bisection, and the motion after a stop of slip is found by trying which
 //! slip persists.
 
-use crate::common::{Case, any_case, rough};
-use carom_impact::law_by_name;
+use crate::common::{Case, FOLLOWING, any_case};
 use nalgebra::{Vector2, vector};
 
 /// State along the impact; `work` is the normal work since compression began or ended.
@@ -30,7 +29,7 @@ fn direction(friction: Friction, mu: f64) -> Vector2<f64> {
 }
 
 /// Exact flow for `dp` under constant friction (Simpson's rule: exact here, since the work is quadratic in p).
-fn flow(case: &Case, state: &State, friction: Friction, dp: f64) -> State {
+fn flow(case: &Case<2>, state: &State, friction: Friction, dp: f64) -> State {
     let d = direction(friction, case.friction);
     let rate = case.delassus * d;
     let normal_speed = |x: f64| state.u[1] + rate[1] * x;
@@ -43,7 +42,7 @@ fn flow(case: &Case, state: &State, friction: Friction, dp: f64) -> State {
     }
 }
 
-fn friction_at(case: &Case, u_t: f64) -> Friction {
+fn friction_at(case: &Case<2>, u_t: f64) -> Friction {
     if u_t != 0.0 {
         return Friction::Slip(u_t.signum());
     }
@@ -79,7 +78,7 @@ fn first_zero(event: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// Integrates until `event` is zero, through any stop of slip.
-fn run(case: &Case, mut state: State, event: impl Fn(&State) -> f64) -> State {
+fn run(case: &Case<2>, mut state: State, event: impl Fn(&State) -> f64) -> State {
     loop {
         let friction = friction_at(case, state.u[0]);
         let ends = first_zero(|dp| event(&flow(case, &state, friction, dp)));
@@ -96,7 +95,7 @@ fn run(case: &Case, mut state: State, event: impl Fn(&State) -> f64) -> State {
     }
 }
 
-fn integrate(law: &str, case: &Case) -> State {
+fn integrate(law: &str, case: &Case<2>) -> State {
     let e = case.restitution;
     let start = State { u: case.u, impulse: Vector2::zeros(), work: 0.0, since: 0.0 };
     let peak = run(case, start, |state| state.u[1]);
@@ -118,9 +117,8 @@ fn closed_form_agrees_with_event_driven_integration() {
     let mut worst = 0.0_f64;
     for _ in 0..10_000 {
         let case = any_case(&mut rng, 0.1);
-        for law in ["newton", "poisson", "energetic"] {
-            let hit =
-                law_by_name(law, rough(case.restitution, case.friction)).unwrap().resolve(&case.problem()).unwrap();
+        for law in FOLLOWING {
+            let hit = case.resolve(law);
             let reference = integrate(law, &case);
             let speed = case.u.norm().max(hit.u_plus.norm());
             let off = ((hit.u_plus - reference.u).norm() / speed)

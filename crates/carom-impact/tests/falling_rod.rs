@@ -1,8 +1,8 @@
 //! A free uniform rod, m = L = 1, at an angle θ from the horizontal, strikes with its lower end: the standard example
 //! of jamming. Painlevé's threshold has its minimum 4/3 at tan θ = 2.
 
-use crate::common::{close, rough};
-use carom_impact::{Flags, ImpactOutcome, ImpactProblem, LAW_NAMES, Mode, Phase, law_by_name};
+use crate::common::{close, resolve};
+use carom_impact::{Flags, ImpactOutcome, ImpactProblem, LAW_NAMES, Mode, Phase};
 use nalgebra::{Matrix2, Vector2, matrix, vector};
 
 fn rod(degrees: f64) -> Matrix2<f64> {
@@ -11,8 +11,7 @@ fn rod(degrees: f64) -> Matrix2<f64> {
 }
 
 fn strike(law: &str, degrees: f64, u: Vector2<f64>, e: f64, mu: f64) -> ImpactOutcome<f64, 2> {
-    let problem = ImpactProblem::new(rod(degrees), u).unwrap();
-    law_by_name(law, rough(e, mu)).unwrap().resolve(&problem).unwrap()
+    resolve(law, rod(degrees), u, [e, mu])
 }
 
 #[test]

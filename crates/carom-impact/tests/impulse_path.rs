@@ -1,12 +1,9 @@
 //! The path of an impact and the invariant directions of slip, each compared with a second computation.
 
-use crate::common::{Spatial, any_case, any_spatial, close, rough};
+use crate::common::{Case, FOLLOWING, TURNING as H, any_case, any_spatial, close, rough};
 use carom_impact::{Energetic, ImpactError, ImpactProblem, ImpulsePath, Law, Mode, PathPoint, law_by_name};
 use nalgebra::{Matrix3, Vector2, Vector3, matrix, vector};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
-
-const FOLLOWING: [&str; 3] = ["newton", "poisson", "energetic"];
-const H: Matrix3<f64> = matrix![2.0, 0.3, 0.5; 0.3, 1.5, -0.4; 0.5, -0.4, 1.2];
 
 fn reference(u: Vector3<f64>) -> ImpactProblem<f64, 3> {
     ImpactProblem::new(H, u).unwrap()
@@ -56,7 +53,7 @@ fn every_point_of_the_path_obeys_momentum_cone_and_phase() {
     let mut rng = fastrand::Rng::with_seed(62);
     let (mut opening, mut pressed) = (0, 0);
     for _ in 0..1_000 {
-        let Spatial { delassus, u, friction, .. } = any_spatial(&mut rng, 0.1);
+        let Case { delassus, u, friction, .. } = any_spatial(&mut rng, 0.1);
         let problem = ImpactProblem::new(delassus, u).unwrap();
         let path = problem.impulse_path(friction, 3.0).unwrap();
         assert!(last(&path).impulse.z >= 3.0);
@@ -140,7 +137,7 @@ fn stopped_slip_sticks_or_leaves_along_an_invariant_direction() {
     let mut rng = fastrand::Rng::with_seed(64);
     let (mut held, mut gone) = (0, 0);
     for _ in 0..2_000 {
-        let Spatial { delassus, u, friction, .. } = any_spatial(&mut rng, 0.1);
+        let Case { delassus, u, friction, .. } = any_spatial(&mut rng, 0.1);
         let problem = ImpactProblem::new(delassus, u).unwrap();
         let path = problem.impulse_path(friction, 4.0).unwrap();
         let Some(stop) = path.slip_end.filter(|&stop| path.points[stop].impulse.z < 3.9) else { continue };
@@ -178,7 +175,7 @@ fn invariant_directions_are_all_zeros_of_the_turning_rate() {
     let mut rng = fastrand::Rng::with_seed(65);
     let (mut counts, mut merging) = ([0; 5], 0);
     for _ in 0..3_000 {
-        let Spatial { delassus: h, u, friction: mu, .. } = any_spatial(&mut rng, 0.1);
+        let Case { delassus: h, u, friction: mu, .. } = any_spatial(&mut rng, 0.1);
         let turning = |angle: f64| {
             let v = h * vector![-mu * angle.cos(), -mu * angle.sin(), 1.0];
             v.y * angle.cos() - v.x * angle.sin()
@@ -212,7 +209,7 @@ fn path_stays_between_invariant_directions() {
     let mut rng = fastrand::Rng::with_seed(66);
     let (mut between, mut reached, mut slowed) = (0, 0, 0);
     for _ in 0..500 {
-        let Spatial { delassus, u, friction, .. } = any_spatial(&mut rng, 0.1);
+        let Case { delassus, u, friction, .. } = any_spatial(&mut rng, 0.1);
         let problem = ImpactProblem::new(delassus, u).unwrap();
         let path = problem.impulse_path(friction, 3.0).unwrap();
         let ways = problem.invariant_directions(friction).unwrap();

@@ -1,33 +1,44 @@
 //! Moreau's law for several constraints: against closed forms, against its conditions, and for thousands of random
 //! problems.
 
-use crate::common::close;
+use crate::common::{EXACT, all_close, balls, close, contact, flat_rod, problem, row_of_balls, stop, wide};
 use carom_impact::{
-    Accuracy, Constraint, Flags, Frictionless, ImpactError, ImpactProblem, Law, SeveralOutcome, SeveralProblem,
+    Accuracy, Constraint, Flags, Frictionless, ImpactError, ImpactProblem, Law, Order, SeveralOutcome, SeveralProblem,
+    Stiffnesses,
 };
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3, dmatrix, dvector};
 
-/// Rounding of numbers of size one.
-const EXACT: f64 = 1e-12;
-
-fn contact(restitution: f64, friction: f64) -> Constraint {
-    Constraint::Contact { restitution, friction }
+fn moreau(problem: &SeveralProblem) -> SeveralOutcome {
+    problem.simultaneous(&Accuracy::default(), None).unwrap()
 }
 
 fn solve(h: DMatrix<f64>, u: DVector<f64>, constraints: Vec<Constraint>) -> SeveralOutcome {
-    SeveralProblem::new(h, u, constraints).unwrap().simultaneous(&Accuracy::default(), None).unwrap()
+    moreau(&problem(h, u, constraints))
 }
 
-/// Velocities of the balls, from the impulses at their contacts.
-fn cradle(n: usize, restitution: f64) -> Vec<f64> {
-    let h = DMatrix::from_fn(n - 1, n - 1, |i, j| [2.0, -1.0, 0.0][i.abs_diff(j).min(2)]);
-    let mut u = DVector::zeros(n - 1);
-    u[0] = -1.0;
-    let hit = solve(h, u, vec![Constraint::Stop { restitution }; n - 1]);
-    assert!(hit.residual <= EXACT, "{hit:?}");
-    let p = |i: usize| if i < n - 1 { hit.impulse[i] } else { 0.0 };
-    (0..n).map(|i| if i == 0 { 1.0 - p(0) } else { p(i - 1) - p(i) }).collect()
-}
+/// The laws of several contacts: impulses, velocities after the impact, violation of the law.
+type Several = fn(&SeveralProblem) -> (DVector<f64>, DVector<f64>, f64);
+
+const MOREAU: Several = |problem| {
+    let hit = moreau(problem);
+    (hit.impulse, hit.u_plus, hit.residual)
+};
+
+const POISSON: Several = |problem| {
+    let hit = problem.poisson(&Accuracy::default()).total;
+    (hit.impulse, hit.u_plus, hit.residual)
+};
+
+const SEQUENTIAL: Several = |problem| {
+    let hit = problem.sequential(&Order::MostApproaching, &Accuracy::default()).unwrap();
+    assert!(hit.finished && hit.sub_impacts <= 1, "{hit:?}");
+    (hit.impulse, hit.u_plus, hit.residual)
+};
+
+const ENERGETIC: Several = |problem| {
+    let hit = problem.energetic(&Stiffnesses { exponent: 1.5, ratios: &[] }, &Accuracy::default()).unwrap().total;
+    (hit.impulse, hit.u_plus, hit.residual)
+};
 
 #[test]
 fn first_ball_of_newtons_cradle_rebounds_and_the_others_leave_together() {
@@ -38,22 +49,55 @@ fn first_ball_of_newtons_cradle_rebounds_and_the_others_leave_together() {
         (3, 0.0, vec![third; 3]),
         (5, 1.0, vec![-0.6, 0.4, 0.4, 0.4, 0.4]),
     ] {
-        for (v, expected) in cradle(n, e).into_iter().zip(expected) {
-            close("velocity", v, expected, EXACT);
+        let (h, u) = row_of_balls(n - 1);
+        let cradle = problem(h, u, vec![stop(e); n - 1]);
+        for (law, resolve) in [("Moreau", MOREAU), ("Poisson", POISSON)] {
+            let (impulse, _, residual) = resolve(&cradle);
+            assert!(residual <= EXACT, "{law}, {n} balls, e {e}: {residual:e}");
+            all_close(&format!("{law}, {n} balls, e {e}"), &balls(&impulse), expected.clone(), EXACT);
         }
     }
 }
 
-/// A rod of unit mass that falls flat on both its ends.
 #[test]
 fn rod_on_both_ends_rebounds_at_e_times_its_speed() {
-    let h = dmatrix![4.0, -2.0; -2.0, 4.0];
-    let hit = solve(h.clone(), dvector![-1.0, -1.0], vec![Constraint::Stop { restitution: 0.5 }; 2]);
-    let energy = |u: &DVector<f64>| 0.5 * u.dot(&(h.clone().try_inverse().unwrap() * u));
-    close("left", hit.u_plus[0], 0.5, EXACT);
-    close("right", hit.u_plus[1], 0.5, EXACT);
-    let before = energy(&dvector![-1.0, -1.0]);
-    close("energy", (before + hit.energy_change) / before, 0.25, EXACT);
+    for (law, resolve, within) in
+        [("Moreau", MOREAU, EXACT), ("Poisson", POISSON, EXACT), ("energetic", ENERGETIC, 1e-11)]
+    {
+        for e in [0.0, 0.5, 0.8, 1.0] {
+            all_close(&format!("{law} e {e}"), &resolve(&flat_rod(e, 1.0)).1, [e, e], within);
+        }
+    }
+    let rod = flat_rod(0.5, 1.0);
+    let energy = |u: &DVector<f64>| 0.5 * u.dot(&(rod.delassus().clone().try_inverse().unwrap() * u));
+    let before = energy(rod.u_minus());
+    close("energy", (before + moreau(&rod).energy_change) / before, 0.25, EXACT);
+}
+
+/// A time step of a body at rest under its weight, and of one that strikes: its weight acts after the rebound, with a sequence of
+/// impacts within it.
+#[test]
+fn forces_do_not_rebound() {
+    for (law, resolve, e, [before, free], after, impulse, within) in [
+        ("Moreau", MOREAU, 1.0, [0.0, -0.01], 0.0, 0.005, EXACT),
+        ("Poisson", POISSON, 1.0, [0.0, -0.01], 0.0, 0.005, EXACT),
+        ("Poisson", POISSON, 0.5, [-1.0, -1.01], 0.49, 0.75, EXACT),
+        ("sequential", SEQUENTIAL, 0.5, [0.0, -0.01], 0.0, 0.005, EXACT),
+        ("sequential", SEQUENTIAL, 0.5, [-1.0, -1.01], 0.5, 0.755, EXACT),
+        ("energetic", ENERGETIC, 0.8, [0.0, -0.01], 0.0, 0.005, 1e-11),
+        ("energetic", ENERGETIC, 0.8, [-1.0, -1.01], 0.79, 0.9, 1e-11),
+    ] {
+        let step = problem(dmatrix![2.0], dvector![before], vec![stop(e)]).with_free_velocity(dvector![free]).unwrap();
+        let (found, u_plus, _) = resolve(&step);
+        close(&format!("{law} from {before}"), u_plus[0], after, within);
+        close(&format!("{law} from {before}, impulse"), found[0], impulse, within);
+    }
+    let slides = problem(dmatrix![1.0], dvector![0.3], vec![Constraint::Dry { bound: 0.1 }]);
+    for (law, resolve) in
+        [("Moreau", MOREAU), ("Poisson", POISSON), ("sequential", SEQUENTIAL), ("energetic", ENERGETIC)]
+    {
+        close(&format!("{law}, dry joint"), resolve(&slides).1[0], 0.2, 1e-11);
+    }
 }
 
 /// A block rocks from one corner to the other: its angular momentum about the new corner is conserved (Housner 1963).
@@ -78,10 +122,6 @@ fn rocking_block_has_housner_s_velocity_ratio() {
     }
 }
 
-fn wide(rng: &mut fastrand::Rng) -> f64 {
-    2.0 * rng.f64() - 1.0
-}
-
 fn one_contact(rng: &mut fastrand::Rng) -> (Matrix3<f64>, Vector3<f64>) {
     let j = Matrix3::from_fn(|_, _| wide(rng));
     (j * j.transpose() + Matrix3::identity() * 0.05, Vector3::new(wide(rng), wide(rng), -rng.f64()))
@@ -94,7 +134,7 @@ fn solve_one(h: &Matrix3<f64>, u: &Vector3<f64>, e: f64, mu: f64) -> (Vector3<f6
 }
 
 #[test]
-fn one_contact_without_friction_is_the_frictionless_law() {
+fn one_contact_is_a_single_impact() {
     let mut rng = fastrand::Rng::with_seed(1);
     for _ in 0..1000 {
         let ((h, u), e) = (one_contact(&mut rng), rng.f64());
@@ -103,6 +143,14 @@ fn one_contact_without_friction_is_the_frictionless_law() {
         close("impulse", (p - law.impulse).amax(), 0.0, EXACT * law.impulse.amax());
         close("velocity", (u_plus - law.u_plus).amax(), 0.0, EXACT * law.impulse.amax());
         close("energy", hit.energy_change, law.energy_change, EXACT * law.energy_before);
+        // A sequence has one sub-impact, also with friction.
+        let rough = problem(
+            DMatrix::from_iterator(3, 3, h.iter().copied()),
+            dvector![u.x, u.y, u.z],
+            vec![contact(e, 2.0 * rng.f64())],
+        );
+        let ((_, one, _), (p, all, _)) = (SEQUENTIAL(&rough), MOREAU(&rough));
+        close("sequential", (one - all).amax(), 0.0, 1e-11 * (1.0 + p.amax()));
     }
 }
 
@@ -166,12 +214,8 @@ fn cube_on_four_corners() -> (DMatrix<f64>, DMatrix<f64>) {
 fn cube_on_slope(angle: f64, mu: f64) -> (DVector<f64>, SeveralOutcome) {
     let (j, inverse_mass) = cube_on_four_corners();
     let v_free = dvector![9.81 * angle.sin(), 0.0, -9.81 * angle.cos(), 0.0, 0.0, 0.0] * 1e-3;
-    let hit = SeveralProblem::new(&j * &inverse_mass * j.transpose(), DVector::zeros(12), vec![contact(0.3, mu); 4])
-        .unwrap()
-        .with_free_velocity(&j * &v_free)
-        .unwrap()
-        .simultaneous(&Accuracy::default(), None)
-        .unwrap();
+    let still = problem(&j * &inverse_mass * j.transpose(), DVector::zeros(12), vec![contact(0.3, mu); 4]);
+    let hit = moreau(&still.with_free_velocity(&j * &v_free).unwrap());
     assert!(hit.residual <= 1e-12, "{hit:?}");
     (v_free + inverse_mass * j.transpose() * &hit.impulse, hit)
 }
@@ -238,9 +282,9 @@ fn velocities_are_unique_where_impulses_are_not() {
         let (n, freedoms) = (rng.usize(4..10), rng.usize(1..4));
         let j = with_a_way_out(DMatrix::from_fn(n, freedoms, |_, _| wide(&mut rng)), 1, 0.0, &mut rng);
         let u = &j * DVector::from_fn(freedoms, |_, _| wide(&mut rng));
-        let stops = vec![Constraint::Stop { restitution: rng.f64() }; n];
-        let problem = SeveralProblem::new(&j * j.transpose(), u.clone(), stops.clone()).unwrap();
-        let first = problem.simultaneous(&Accuracy::default(), None).unwrap();
+        let stops = vec![stop(rng.f64()); n];
+        let problem = problem(&j * j.transpose(), u.clone(), stops.clone());
+        let first = moreau(&problem);
         let guess = DVector::from_fn(n, |_, _| rng.f64());
         let guessed = problem.simultaneous(&Accuracy::default(), Some(&guess)).unwrap();
         let turned = DMatrix::from_fn(n, freedoms, |i, k| j[(n - 1 - i, k)]);
@@ -419,7 +463,7 @@ fn woodpecker_toy_keeps_its_period() {
 fn error_messages_contain_value_and_rule() {
     let h = || dmatrix![2.0, 0.5; 0.5, 1.0];
     let u = || dvector![1.0, -1.0];
-    let stops = || vec![Constraint::Stop { restitution: 0.0 }; 2];
+    let stops = || vec![stop(0.0); 2];
     let refused = |h, u, constraints| SeveralProblem::new(h, u, constraints).unwrap_err().to_string();
     let rows = "the constraints have 2: a contact has three (tangents first, normal last), every other constraint one";
 
@@ -435,10 +479,7 @@ fn error_messages_contain_value_and_rule() {
     assert!(refused(h(), dvector![1.0, f64::NAN], stops()).starts_with("u_minus[1] is NaN: every"));
 
     let one = |constraint| refused(h(), u(), vec![Constraint::Held, constraint]);
-    assert_eq!(
-        one(Constraint::Stop { restitution: 1.5 }),
-        "constraint 1: restitution 1.5 is outside [0, 1]: 0 is no rebound, 1 a full rebound"
-    );
+    assert_eq!(one(stop(1.5)), "constraint 1: restitution 1.5 is outside [0, 1]: 0 is no rebound, 1 a full rebound");
     assert_eq!(
         one(Constraint::Dry { bound: -1.0 }),
         "constraint 1: bound -1 is not a finite number >= 0: give the largest impulse of dry friction, which is the \
@@ -465,12 +506,12 @@ fn a_pivot_that_is_rounding_of_larger_terms_does_not_stop_a_problem_that_is_semi
     let mut delassus = &j * j.transpose();
     delassus[(0, 0)] -= 1e-12;
     let u_minus = &j * -1.5;
-    let contact = vec![Constraint::Contact { restitution: 0.5, friction: 0.0 }];
+    let contact = vec![contact(0.5, 0.0)];
     assert!(matches!(
         SeveralProblem::new(delassus.clone(), u_minus.clone(), contact.clone()),
         Err(ImpactError::NotPositive { .. })
     ));
     let problem = SeveralProblem::from_gram(delassus, u_minus, contact).unwrap();
-    let hit = problem.simultaneous(&Accuracy::default(), None).unwrap();
+    let hit = moreau(&problem);
     assert!((&hit.u_plus - &j * 0.75).amax() < 1e-11 && (hit.impulse - dvector![0.0, 0.0, 2.25]).amax() < 1e-11);
 }

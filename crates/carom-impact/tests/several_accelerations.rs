@@ -1,14 +1,10 @@
 //! Problems of accelerations of lasting contacts, whose matrix is not symmetric where a contact slides.
 
-use crate::common::close;
+use crate::common::{close, wide};
 use carom_impact::{Accuracy, Constraint, SeveralProblem};
 use nalgebra::{DMatrix, DVector, dmatrix, dvector};
 
 const STOP: Constraint = Constraint::Stop { restitution: 0.0 };
-
-fn wide(rng: &mut fastrand::Rng) -> f64 {
-    2.0 * rng.f64() - 1.0
-}
 
 /// Contacts that slide fast along `d`: under Moreau's law with a tangential velocity so large that no impulse changes
 /// its direction, and as stops whose forces act along n − μ d.

@@ -1,51 +1,11 @@
 //! Poisson's law for several contacts: closed forms, its conditions one by one, and the energy balance.
 
-use crate::common::close;
+use crate::common::{EXACT, any_motion, close, contact, gram, problem, stop, wide};
 use carom_impact::{Accuracy, Constraint, Flags, PoissonOutcome, SeveralProblem};
 use nalgebra::{DMatrix, DVector, dmatrix, dvector};
 
-const EXACT: f64 = 1e-12;
-
-fn contact(restitution: f64, friction: f64) -> Constraint {
-    Constraint::Contact { restitution, friction }
-}
-
-fn stop(restitution: f64) -> Constraint {
-    Constraint::Stop { restitution }
-}
-
-fn problem(h: DMatrix<f64>, u: DVector<f64>, constraints: Vec<Constraint>) -> SeveralProblem {
-    SeveralProblem::new(h, u, constraints).unwrap()
-}
-
 fn poisson(problem: &SeveralProblem) -> PoissonOutcome {
     problem.poisson(&Accuracy::default())
-}
-
-fn wide(rng: &mut fastrand::Rng) -> f64 {
-    2.0 * rng.f64() - 1.0
-}
-
-#[test]
-fn newtons_cradle_agrees_with_moreaus_law() {
-    let third = 1.0 / 3.0;
-    for (n, e, expected) in [
-        (3, 1.0, vec![-third, 2.0 * third, 2.0 * third]),
-        (3, 0.5, vec![0.0, 0.5, 0.5]),
-        (3, 0.0, vec![third; 3]),
-        (5, 1.0, vec![-0.6, 0.4, 0.4, 0.4, 0.4]),
-    ] {
-        let h = DMatrix::from_fn(n - 1, n - 1, |i, j| [2.0, -1.0, 0.0][i.abs_diff(j).min(2)]);
-        let mut u = DVector::zeros(n - 1);
-        u[0] = -1.0;
-        let hit = poisson(&problem(h, u, vec![stop(e); n - 1])).total;
-        assert!(hit.residual <= EXACT, "{hit:?}");
-        let p = |i: usize| if i < n - 1 { hit.impulse[i] } else { 0.0 };
-        for (i, expected) in expected.into_iter().enumerate() {
-            let v = if i == 0 { 1.0 - p(0) } else { p(i - 1) - p(i) };
-            close("velocity", v, expected, EXACT);
-        }
-    }
 }
 
 #[test]
@@ -101,9 +61,7 @@ fn conditions_hold_in_1000_random_problems() {
                 _ => 0.0,
             })
             .fold(0.0, f64::max);
-        let rows: usize = constraints.iter().map(Constraint::rows).sum();
-        let j = DMatrix::from_fn(rows, rows + 2, |_, _| wide(&mut rng));
-        let problem = problem(&j * j.transpose(), &j * DVector::from_fn(rows + 2, |_, _| wide(&mut rng)), constraints);
+        let problem = any_motion(&mut rng, constraints, 2);
         let hit = poisson(&problem);
         assert!(hit.total.residual <= EXACT, "{hit:?}");
         let h = problem.delassus();
@@ -154,23 +112,11 @@ fn without_restitution_it_agrees_with_moreaus_law() {
     for _ in 0..300 {
         let mut constraints: Vec<_> = (0..rng.usize(1..=4)).map(|_| contact(0.0, rng.f64())).collect();
         constraints.extend([Constraint::Dry { bound: rng.f64() }, Constraint::Held, stop(0.0)]);
-        let rows: usize = constraints.iter().map(Constraint::rows).sum();
-        let j = DMatrix::from_fn(rows, rows + 2, |_, _| wide(&mut rng));
-        let u = &j * DVector::from_fn(rows + 2, |_, _| wide(&mut rng));
-        let problem = problem(&j * j.transpose(), u, constraints);
+        let problem = any_motion(&mut rng, constraints, 2);
         let (two, one) = (poisson(&problem), problem.simultaneous(&Accuracy::default(), None).unwrap());
         assert!(two.total.residual <= EXACT && one.residual <= EXACT, "{two:?} {one:?}");
         close("velocities", (&two.total.u_plus - &one.u_plus).amax(), 0.0, 1e-9);
     }
-}
-
-/// A time step of a body at rest under its weight, and of one that strikes meanwhile.
-#[test]
-fn forces_do_not_rebound() {
-    let rest = problem(dmatrix![2.0], dvector![0.0], vec![stop(1.0)]).with_free_velocity(dvector![-0.01]).unwrap();
-    close("rest", poisson(&rest).total.u_plus[0], 0.0, EXACT);
-    let strike = problem(dmatrix![2.0], dvector![-1.0], vec![stop(0.5)]).with_free_velocity(dvector![-1.01]).unwrap();
-    close("strike", poisson(&strike).total.u_plus[0], 0.5 - 0.01, EXACT);
 }
 
 #[derive(Default)]
@@ -312,10 +258,9 @@ fn newton_gains_without_friction_where_poisson_does_not() {
     let (mut found, mut unsolved) = (0, 0);
     for n in [2, 3] {
         for _ in 0..2000 {
-            let j = DMatrix::from_fn(n, n, |_, _| wide(&mut rng));
-            let u = &j * DVector::from_fn(n, |_, _| wide(&mut rng));
+            let (h, u) = gram(&mut rng, n, n);
             let constraints: Vec<_> = (0..n).map(|_| stop(rng.f64())).collect();
-            let problem = problem(&j * j.transpose(), u.clone(), constraints);
+            let problem = problem(h, u.clone(), constraints);
             let moreau = problem.simultaneous(&Accuracy::default(), None).unwrap();
             if moreau.residual > EXACT {
                 unsolved += 1;

@@ -1,20 +1,12 @@
 //! Moreau's law with more rows than degrees of freedom: the thin factors of H against the whole matrix, and random
 //! problems with all kinds of constraints.
 
-use crate::common::close;
-use carom_impact::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
+use crate::common::{close, contact, problem, wide};
+use carom_impact::{Accuracy, Constraint, SeveralOutcome};
 use nalgebra::{DMatrix, DVector};
 
-fn contact(restitution: f64, friction: f64) -> Constraint {
-    Constraint::Contact { restitution, friction }
-}
-
-fn wide(rng: &mut fastrand::Rng) -> f64 {
-    2.0 * rng.f64() - 1.0
-}
-
 fn solve(h: DMatrix<f64>, u: DVector<f64>, constraints: Vec<Constraint>) -> SeveralOutcome {
-    SeveralProblem::new(h, u, constraints).unwrap().simultaneous(&Accuracy::default(), None).unwrap()
+    problem(h, u, constraints).simultaneous(&Accuracy::default(), None).unwrap()
 }
 
 /// Two contacts on seven freedoms, with a coupling of tangents and normals small enough for one solution, and
@@ -71,10 +63,9 @@ fn inelastic_constraints_of_all_kinds_are_always_solved() {
             let rows: usize = constraints.iter().map(Constraint::rows).sum();
             let j = DMatrix::from_fn(rows, rows.div_ceil(2), |_, _| wide(&mut rng));
             let v = DVector::from_fn(j.ncols(), |_, _| wide(&mut rng));
-            let problem =
-                |v: DVector<f64>| SeveralProblem::new(&j * j.transpose(), &j * v, constraints.clone()).unwrap();
-            let first = problem(v.clone()).simultaneous(&Accuracy::default(), None).unwrap();
-            let near = problem(v.map(|v| v + 0.02 * wide(&mut rng)));
+            let moving = |v: DVector<f64>| problem(&j * j.transpose(), &j * v, constraints.clone());
+            let first = moving(v.clone()).simultaneous(&Accuracy::default(), None).unwrap();
+            let near = moving(v.map(|v| v + 0.02 * wide(&mut rng)));
             let next = near.simultaneous(&Accuracy::default(), Some(&first.impulse)).unwrap();
             for hit in [&first, &next] {
                 if hit.residual > 1e-10 {
@@ -98,7 +89,7 @@ fn warm_start_saves_iterations() {
         let j = DMatrix::from_fn(15, 6, |_, _| wide(&mut rng));
         let v = DVector::from_fn(6, |_, _| wide(&mut rng));
         let solved = |v: &DVector<f64>, start: Option<&DVector<f64>>| {
-            let problem = SeveralProblem::new(&j * j.transpose(), &j * v, vec![contact(0.0, 0.5); 5]).unwrap();
+            let problem = problem(&j * j.transpose(), &j * v, vec![contact(0.0, 0.5); 5]);
             problem.simultaneous(&Accuracy::default(), start).unwrap()
         };
         let cold = solved(&v, None);

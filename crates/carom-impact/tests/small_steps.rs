@@ -2,7 +2,7 @@
 //! Runge–Kutta method with equal small steps of the normal impulse, and a stop of slip wherever it is nearer than a
 //! step.
 
-use crate::common::{Spatial, any_spatial, rough};
+use crate::common::{Case, any_spatial, rough};
 use carom_impact::{Flags, law_by_name};
 use nalgebra::{Vector2, Vector3};
 
@@ -10,7 +10,7 @@ use nalgebra::{Vector2, Vector3};
 type State = nalgebra::Vector4<f64>;
 
 /// Rates per unit of normal impulse while the contact slips.
-fn rate(case: &Spatial, x: &State) -> State {
+fn rate(case: &Case<3>, x: &State) -> State {
     let slip = Vector2::new(x[0], x[1]).normalize() * -case.friction;
     let du = case.delassus * Vector3::new(slip.x, slip.y, 1.0);
     State::new(du.x, du.y, du.z, x[2])
@@ -18,7 +18,7 @@ fn rate(case: &Spatial, x: &State) -> State {
 
 /// Rates after slip has stopped: constant friction that makes the contact stick, or that is opposed to the slip it
 /// causes, found by scanning the circle.
-fn rate_from_rest(case: &Spatial) -> Vector3<f64> {
+fn rate_from_rest(case: &Case<3>) -> Vector3<f64> {
     let h = &case.delassus;
     let hold = -h.fixed_view::<2, 2>(0, 0).try_inverse().unwrap() * h.fixed_view::<2, 1>(0, 2);
     if hold.norm() <= case.friction {
@@ -45,7 +45,7 @@ fn rate_from_rest(case: &Spatial) -> Vector3<f64> {
     panic!("no direction of growing slip: {case:?}");
 }
 
-fn step(case: &Spatial, x: &State, rest: &Option<Vector3<f64>>, dp: f64) -> State {
+fn step(case: &Case<3>, x: &State, rest: &Option<Vector3<f64>>, dp: f64) -> State {
     if let Some(du) = rest {
         let du = State::new(du.x, du.y, du.z, x[2] + 0.5 * du.z * dp);
         return x + du * dp;
@@ -58,7 +58,7 @@ fn step(case: &Spatial, x: &State, rest: &Option<Vector3<f64>>, dp: f64) -> Stat
 }
 
 /// Velocity after, and the least slip speed.
-fn integrate(law: &str, case: &Spatial, steps: f64) -> (Vector3<f64>, f64) {
+fn integrate(law: &str, case: &Case<3>, steps: f64) -> (Vector3<f64>, f64) {
     let e = case.restitution;
     let dp = -case.u.z / (case.delassus[(2, 2)] * steps);
     let mut x = State::new(case.u.x, case.u.y, case.u.z, 0.0);
@@ -121,7 +121,7 @@ fn integrate(law: &str, case: &Spatial, steps: f64) -> (Vector3<f64>, f64) {
     }
 }
 
-fn off(law: &str, case: &Spatial, steps: f64) -> (f64, f64) {
+fn off(law: &str, case: &Case<3>, steps: f64) -> (f64, f64) {
     let hit = law_by_name(law, rough(case.restitution, case.friction)).unwrap().resolve(&case.problem()).unwrap();
     let (u_plus, slowest) = integrate(law, case, steps);
     ((hit.u_plus - u_plus).norm() / hit.u_plus.norm().max(1.0), slowest)
