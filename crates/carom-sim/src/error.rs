@@ -169,14 +169,6 @@ pub enum SimError {
         /// Time, s.
         time: f64,
     },
-    /// An invalid loop.
-    #[error("loop '{name}' {rule}")]
-    BadLoop {
-        /// The loop.
-        name: String,
-        /// The rule that it breaks, and what to do.
-        rule: String,
-    },
     /// An invalid coefficient of a contact.
     #[error("{touch}: {what} is {}: {rule}", short(*value))]
     Contact {
@@ -189,19 +181,13 @@ pub enum SimError {
         /// The rule that it breaks.
         rule: &'static str,
     },
-    /// An invalid pair of links.
-    #[error("link '{link}' {problem}")]
-    LinkPair {
-        /// The link.
-        link: String,
-        /// The problem and what to do.
-        problem: &'static str,
-    },
-    /// An invalid request about a joint.
-    #[error("joint '{joint}' {problem}")]
-    Joint {
-        /// The joint.
-        joint: String,
+    /// An invalid request about a link, a joint or a loop.
+    #[error("{what} '{name}' {problem}")]
+    Named {
+        /// `link`, `joint` or `loop`.
+        what: &'static str,
+        /// Its name.
+        name: String,
         /// The problem and what to do.
         problem: String,
     },
@@ -213,21 +199,14 @@ pub enum SimError {
         /// What it says.
         reason: String,
     },
-    /// The force of a rigid contact was requested.
-    #[error("{touch} is a rigid contact, which has impulses and no force: give it a compliance")]
-    Rigid {
+    /// A force of a contact was requested that a single moment does not give: of a rigid contact, or of one whose force depends on
+    /// its history.
+    #[error("{touch}{why}")]
+    NoForce {
         /// Name of the touch.
         touch: String,
-    },
-    /// A contact force was requested that depends on the history of the contact.
-    #[error(
-        "{touch}: its force depends on the history of the contact (largest penetration, or deflection of a bristle), which a \
-         single moment does not contain; choose the Hunt-Crossley or Kelvin-Voigt force and smoothed friction to compute \
-         forces afterwards"
-    )]
-    Memory {
-        /// Name of the touch.
-        touch: String,
+        /// The reason, and what to do.
+        why: &'static str,
     },
     /// Rigid sliding has no consistent acceleration (Painlevé).
     #[error(
@@ -277,6 +256,11 @@ pub enum SimError {
 /// [`SimError::Setting`] unless the number is `fine`.
 pub(crate) fn require(fine: bool, what: &'static str, value: f64, rule: &'static str) -> Result<(), SimError> {
     if fine { Ok(()) } else { Err(SimError::Setting { what, value, rule }) }
+}
+
+/// [`SimError::Named`].
+pub(crate) fn named(what: &'static str, name: &str, problem: impl Into<String>) -> SimError {
+    SimError::Named { what, name: name.to_owned(), problem: problem.into() }
 }
 
 /// Rounds to four significant digits; the others are rounding errors of the pose.

@@ -1,13 +1,14 @@
 //! Gaps of touches, their rates and rows, at one state.
 
-use super::pair::{APART, Against, Pair};
+use super::pair::{APART, Pair};
 use super::touch::{Touch, TouchKind};
 use crate::error::SimError;
 use crate::state::{Felt, Space, View};
-use carom_chain::algebra::z_onto;
-use carom_chain::{FrameId, Point, Rows};
+use carom_chain::algebra::{Pose, z_onto};
+use carom_chain::{FrameId, Point, Rows, Spatial};
 use carom_contact::{Gap, Met};
 use nalgebra::{DMatrix, DVector, MatrixXx3, Vector3};
+
 /// A touch at one state.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct At<A: Space> {
@@ -125,12 +126,7 @@ impl Touch {
     }
 
     /// The pose of a link frame relative to the displaced surface.
-    fn seen<A: Space>(
-        &self,
-        view: &View<A>,
-        frame: FrameId,
-        shift: Vector3<f64>,
-    ) -> carom_chain::algebra::Pose<carom_chain::Spatial<f64>> {
+    fn seen<A: Space>(&self, view: &View<A>, frame: FrameId, shift: Vector3<f64>) -> Pose<Spatial<f64>> {
         let mut pose = view.pose(frame);
         pose.translation -= shift;
         pose
@@ -212,10 +208,9 @@ impl Touch {
 
     /// ġ.
     pub(crate) fn rate<A: Space>(&self, at: &At<A>, view: &View<A>, qd: &[f64], time: f64) -> Result<f64, SimError> {
-        match (&self.kind, at.surface) {
-            (TouchKind::Limit { v, sign, .. }, _) => Ok(sign * qd[*v]),
-            (_, Some(place)) => Ok(place.normal.dot(&self.u(&place, view, qd, time)?)),
-            (_, None) => Ok(0.0),
+        match at.surface {
+            Some(place) => Ok(place.normal.dot(&self.u(&place, view, qd, time)?)),
+            None => Ok(self.stops().map_or(0.0, |(v, sign)| sign * qd[v])),
         }
     }
 
@@ -247,10 +242,9 @@ impl Touch {
 
     /// Adds the row j to `row`.
     pub(crate) fn row_into<A: Space>(&self, at: &At<A>, view: &View<A>, row: &mut [f64]) -> Result<(), SimError> {
-        match (&self.kind, at.surface) {
-            (TouchKind::Limit { v, sign, .. }, _) => row[*v] += sign,
-            (_, Some(place)) => place.row_into(view, place.normal, row)?,
-            (_, None) => {}
+        match at.surface {
+            Some(place) => place.row_into(view, place.normal, row)?,
+            None => self.stops().into_iter().for_each(|(v, sign)| row[v] += sign),
         }
         Ok(())
     }
@@ -272,7 +266,7 @@ impl Touch {
 
     /// Whether [`Touch::drift`] has a closed form.
     pub(crate) fn has_closed_drift(&self) -> bool {
-        !matches!(self.kind, TouchKind::Pair { part: None, .. })
+        !self.is_whole()
     }
 
     /// Whether its contact point can leave the faces and edges that touch.
@@ -295,57 +289,48 @@ impl Touch {
         drifts: [Vector3<f64>; 2],
         qd: &[f64],
         time: f64,
-    ) -> Option<Result<(f64, Vector3<f64>), SimError>> {
-        match (&self.kind, at.surface) {
-            (TouchKind::Limit { .. }, _) => Some(Ok((0.0, Vector3::zeros()))),
-            (TouchKind::Ball { shape, radius, normal, .. }, Some(place)) => {
-                let closed = || {
-                    let turning = view.angular_velocity(shape.frame(), qd)?;
-                    let arm = -normal * *radius;
-                    let mut u = drifts[0] - turning.cross(&turning.cross(&arm));
-                    if let Some(motion) = &self.motion {
-                        let rate = view.velocity(place.point, qd)? - turning.cross(&arm);
-                        u -= motion.acceleration(time, (place.position, rate), *normal);
-                    }
-                    Ok((normal.dot(&u), u))
-                };
-                Some(closed())
+    ) -> Result<Option<(f64, Vector3<f64>)>, SimError> {
+        let Some(place) = at.surface else { return Ok(Some((0.0, Vector3::zeros()))) };
+        match &self.kind {
+            TouchKind::Ball { shape, radius, normal, .. } => {
+                let turning = view.angular_velocity(shape.frame(), qd)?;
+                let arm = -normal * *radius;
+                let mut u = drifts[0] - turning.cross(&turning.cross(&arm));
+                if let Some(motion) = &self.motion {
+                    let rate = view.velocity(place.point, qd)? - turning.cross(&arm);
+                    u -= motion.acceleration(time, (place.position, rate), *normal);
+                }
+                Ok(Some((normal.dot(&u), u)))
             }
-            (TouchKind::Pair { pair, part: Some(part) }, Some(place)) => {
-                let closed = || {
-                    let [shift, speed, acceleration] = self.shift(time);
-                    let turning = pair.turning(view, qd)?;
-                    let own_velocity = place.velocity(view, qd)?;
-                    // Relative to the shape of the surface, which a belt does not move.
-                    let u = own_velocity - speed;
-                    let Some(slide) = pair.slide(*part, view, shift, turning, u) else {
-                        return Ok((0.0, Vector3::zeros()));
-                    };
-                    let own = drifts[0] + turning[0].cross(&slide.on_robot);
-                    let other = match place.against {
-                        Some(_) => drifts[1] + turning[1].cross(&slide.on_environment),
-                        None => acceleration,
-                    };
-                    let gap_drift = place.normal.dot(&(own - other)) + slide.normal_rate.dot(&u);
-                    let material = self.motion.as_ref().map_or(other, |motion| {
-                        let rate = own_velocity + slide.on_robot;
-                        motion.acceleration(time, (place.position, rate), place.normal)
-                    });
-                    Ok((gap_drift, own - material))
+            TouchKind::Pair { pair, part: Some(part) } => {
+                let [shift, speed, acceleration] = self.shift(time);
+                let turning = pair.turning(view, qd)?;
+                let own_velocity = place.velocity(view, qd)?;
+                // Relative to the shape of the surface, which a belt does not move.
+                let u = own_velocity - speed;
+                let Some(slide) = pair.slide(*part, view, shift, turning, u) else {
+                    return Ok(Some((0.0, Vector3::zeros())));
                 };
-                Some(closed())
+                let own = drifts[0] + turning[0].cross(&slide.on_robot);
+                let other = match place.against {
+                    Some(_) => drifts[1] + turning[1].cross(&slide.on_environment),
+                    None => acceleration,
+                };
+                let gap_drift = place.normal.dot(&(own - other)) + slide.normal_rate.dot(&u);
+                let material = self.motion.as_ref().map_or(other, |motion| {
+                    let rate = own_velocity + slide.on_robot;
+                    motion.acceleration(time, (place.position, rate), place.normal)
+                });
+                Ok(Some((gap_drift, own - material)))
             }
-            _ => None,
+            _ => Ok(None),
         }
     }
 }
 
 /// The contact at given points of a pair.
 fn place<A: Space>(pair: &Pair, view: &View<A>, found: Gap) -> At<A> {
-    let against = match &pair.against {
-        Against::Link(other) => Some(view.point(other.frame(), found.on_environment)),
-        Against::Obstacle(_) => None,
-    };
+    let against = pair.other().map(|other| view.point(other.frame(), found.on_environment));
     let (point, normal) = (view.point(pair.shape.frame(), found.on_robot), found.normal);
     let place = Place { point, against, position: found.on_robot, normal };
     At { gap: found.distance, margin: f64::INFINITY, surface: Some(place) }

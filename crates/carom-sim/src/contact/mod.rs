@@ -22,7 +22,6 @@ pub use mode::ContactMode;
 pub(crate) use pair::{APART, Pair, Passing, Placed};
 pub use rule::ContactRule;
 pub use several_law::SeveralLaw;
-pub(crate) use several_law::Solved;
 pub(crate) use surface::Moving;
 pub use surface::{Belt, Oscillation, Surface, SurfaceMotion};
 pub(crate) use touch::TouchKind;

@@ -83,15 +83,12 @@ impl Pair {
         if pair.whole || pair.is_point() {
             return (pair, Vec::new());
         }
-        let both = match &pair.against {
-            Against::Obstacle(obstacle) => {
-                let plane = matches!(obstacle.surface(), Surface::HalfSpace { .. });
-                let own = if plane { Some(Parts::corners_of_shape(shape)) } else { Parts::of_shape(shape) };
-                own.zip(Parts::of_obstacle(obstacle))
-            }
-            Against::Link(other) => Parts::of_shape(shape).zip(Parts::of_shape(other)),
+        let own = if pair.is_on_plane() { Some(Parts::corners_of_shape(shape)) } else { Parts::of_shape(shape) };
+        let other = match &pair.against {
+            Against::Obstacle(obstacle) => Parts::of_obstacle(obstacle),
+            Against::Link(other) => Parts::of_shape(other),
         };
-        let Some((own, other)) = both else { return (pair, Vec::new()) };
+        let Some((own, other)) = own.zip(other) else { return (pair, Vec::new()) };
         let meetings = Meeting::all(&own, &other);
         if meetings.len() > MANY && !pair.is_on_plane() {
             return (pair, Vec::new());
@@ -103,19 +100,38 @@ impl Pair {
 
     /// Whether it can touch at one point only.
     pub fn is_point(&self) -> bool {
-        let round = |solid: &Solid| matches!(solid, Solid::Sphere { .. });
-        round(self.shape.solid())
-            || match &self.against {
-                Against::Link(other) => round(other.solid()),
-                Against::Obstacle(obstacle) => {
-                    matches!(obstacle.surface(), Surface::Solid { solid, .. } if round(solid))
-                }
-            }
+        let other = match &self.against {
+            Against::Link(other) => Some(other.solid()),
+            Against::Obstacle(obstacle) => match obstacle.surface() {
+                Surface::Solid { solid, .. } => Some(solid),
+                _ => None,
+            },
+        };
+        [Some(self.shape.solid()), other].iter().any(|solid| matches!(solid, Some(Solid::Sphere { .. })))
+    }
+
+    /// The shape of the second body, if it is a link's.
+    pub fn other(&self) -> Option<&LinkShape> {
+        match &self.against {
+            Against::Link(other) => Some(other),
+            Against::Obstacle(_) => None,
+        }
+    }
+
+    /// A point and the normal of the second body, if it is a half-space.
+    fn plane(&self) -> Option<(&Vector3<f64>, &Vector3<f64>)> {
+        match &self.against {
+            Against::Obstacle(obstacle) => match obstacle.surface() {
+                Surface::HalfSpace { point, normal } => Some((point, normal)),
+                _ => None,
+            },
+            Against::Link(_) => None,
+        }
     }
 
     /// Whether the second body is a half-space.
     pub fn is_on_plane(&self) -> bool {
-        matches!(&self.against, Against::Obstacle(obstacle) if matches!(obstacle.surface(), Surface::HalfSpace { .. }))
+        self.plane().is_some()
     }
 
     /// Whether it is not divided under a rule: the penetration of parts is defined on half-spaces only.
@@ -137,13 +153,11 @@ impl Pair {
     /// Poses of the axes in which the parts are given, relative to the displaced surface.
     fn poses<A: Space>(&self, view: &View<A>, shift: Vector3<f64>) -> [Pose<Spatial<f64>>; 2] {
         let mut own = view.pose(self.shape.frame());
-        match &self.against {
-            Against::Link(other) => [own, view.pose(other.frame())],
-            Against::Obstacle(_) => {
-                own.translation -= shift;
-                [own, Pose::identity()]
-            }
-        }
+        let Some(other) = self.other() else {
+            own.translation -= shift;
+            return [own, Pose::identity()];
+        };
+        [own, view.pose(other.frame())]
     }
 
     /// Both bodies at a state.
@@ -157,20 +171,12 @@ impl Pair {
             let origin = view.point(frame, view.pose(frame).translation);
             Ok::<_, SimError>([view.velocity(origin, qd)?, view.angular_velocity(frame, qd)?])
         };
-        let other = match &self.against {
-            Against::Link(other) => twist(other.frame())?,
-            Against::Obstacle(_) => [speed, Vector3::zeros()],
-        };
+        let other = self.other().map_or(Ok([speed, Vector3::zeros()]), |other| twist(other.frame()))?;
         let poses = self.poses(view, shift);
-        let plane = match &self.against {
-            Against::Obstacle(obstacle) => match obstacle.surface() {
-                Surface::HalfSpace { point, normal } => {
-                    Some((poses[0].rotation.tr_mul(normal), normal.dot(&(poses[0].translation - point))))
-                }
-                _ => None,
-            },
-            Against::Link(_) => None,
+        let over = |(point, normal): (&Vector3<f64>, &Vector3<f64>)| {
+            (poses[0].rotation.tr_mul(normal), normal.dot(&(poses[0].translation - point)))
         };
+        let plane = self.plane().map(over);
         Ok(Placed { poses, own: twist(self.shape.frame())?, other, plane })
     }
 
@@ -267,12 +273,8 @@ impl Pair {
 
     /// Angular velocities of both bodies.
     pub fn turning<A: Space>(&self, view: &View<A>, qd: &[f64]) -> Result<[Vector3<f64>; 2], SimError> {
-        let own = view.angular_velocity(self.shape.frame(), qd)?;
-        let other = match &self.against {
-            Against::Link(other) => view.angular_velocity(other.frame(), qd)?,
-            Against::Obstacle(_) => Vector3::zeros(),
-        };
-        Ok([own, other])
+        let other = self.other().map_or(Ok(Vector3::zeros()), |other| view.angular_velocity(other.frame(), qd))?;
+        Ok([view.angular_velocity(self.shape.frame(), qd)?, other])
     }
 
     /// The rates of a contact of parts whose gap is closed; `None` for the nearest points of the bodies.
@@ -302,18 +304,21 @@ impl Pair {
             (pose.point(shape.origin().point(centre)), radius)
         };
         let (centre, radius) = sphere(&self.shape, &own);
+        let between = |(there, size): (Vector3<f64>, f64)| {
+            let apart = centre - there;
+            (apart.norm() - radius - size, apart.try_normalize(0.0).unwrap_or(Vector3::z()), radius)
+        };
         let (distance, normal, far) = match &self.against {
             Against::Link(link) => {
-                let (there, size) = sphere(link, &other);
-                let apart = centre - there;
-                (apart.norm() - radius - size, apart.try_normalize(0.0).unwrap_or(Vector3::z()), radius.max(size))
+                let there = sphere(link, &other);
+                let (distance, normal, _) = between(there);
+                (distance, normal, radius.max(there.1))
             }
             Against::Obstacle(obstacle) => match obstacle.surface() {
                 Surface::HalfSpace { point, normal } => (normal.dot(&(centre - point)) - radius, *normal, radius),
                 Surface::Solid { solid, pose } => {
                     let (middle, size) = solid.bounding_sphere();
-                    let apart = centre - (pose * nalgebra::Point3::from(middle)).coords;
-                    (apart.norm() - radius - size, apart.try_normalize(0.0).unwrap_or(Vector3::z()), radius)
+                    between(((pose * nalgebra::Point3::from(middle)).coords, size))
                 }
                 Surface::Mesh { .. } => return Ok(None),
             },
@@ -322,7 +327,7 @@ impl Pair {
             return Ok(None);
         }
         let mut velocity = view.velocity(view.point(self.shape.frame(), centre + shift), qd)? - speed;
-        if let Against::Link(link) = &self.against {
+        if let Some(link) = self.other() {
             velocity -= view.velocity(view.point(link.frame(), centre), qd)?;
         }
         Ok(Some((distance, normal.dot(&velocity))))

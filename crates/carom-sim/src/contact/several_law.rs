@@ -1,6 +1,6 @@
 //! The law of several contacts at the same time.
 
-use carom_impact::{Accuracy, Flags, ImpactError, Order, SeveralProblem, Stiffnesses};
+use carom_impact::{Accuracy, ImpactError, Order, SequentialOutcome, SeveralOutcome, SeveralProblem, Stiffnesses};
 use nalgebra::DVector;
 use serde::de::{Deserialize, Deserializer, Error as _};
 
@@ -56,27 +56,20 @@ impl SeveralLaw {
         stiffnesses: &[f64],
         accuracy: &Accuracy,
         start: Option<&DVector<f64>>,
-    ) -> Result<Solved, ImpactError> {
-        let (impulse, residual, flags) = match self {
-            Self::Moreau => {
-                let found = problem.simultaneous(accuracy, start)?;
-                (found.impulse, found.residual, found.flags)
-            }
-            Self::Poisson => {
-                let found = problem.poisson(accuracy).total;
-                (found.impulse, found.residual, found.flags)
-            }
+    ) -> Result<SeveralOutcome, ImpactError> {
+        Ok(match self {
+            Self::Moreau => problem.simultaneous(accuracy, start)?,
+            Self::Poisson => problem.poisson(accuracy).total,
             Self::Sequential => {
                 let found = problem.sequential(&Order::MostApproaching, accuracy);
                 let found = found.unwrap_or_else(|_| unreachable!("this order has no indices that could be invalid"));
-                (found.impulse, found.residual, found.flags)
+                let SequentialOutcome { impulse, u_plus, sub_impacts, residual, energy_change, flags, .. } = found;
+                SeveralOutcome { impulse, u_plus, residual, iterations: sub_impacts, energy_change, flags }
             }
             Self::Energetic { exponent } => {
-                let found = problem.energetic(&Stiffnesses { exponent, ratios: stiffnesses }, accuracy)?.total;
-                (found.impulse, found.residual, found.flags)
+                problem.energetic(&Stiffnesses { exponent, ratios: stiffnesses }, accuracy)?.total
             }
-        };
-        Ok(Solved { impulse, residual, flags })
+        })
     }
 }
 
@@ -86,14 +79,4 @@ impl<'de> Deserialize<'de> for SeveralLaw {
         let known = Self::ALL.into_iter().find(|law| law.name() == name);
         known.ok_or_else(|| D::Error::unknown_variant(&name, &Self::NAMES))
     }
-}
-
-/// A solution of the law.
-pub(crate) struct Solved {
-    /// Impulses of all constraints, by row.
-    pub impulse: DVector<f64>,
-    /// Violation of the law.
-    pub residual: f64,
-    /// Notes about the solution.
-    pub flags: Flags,
 }

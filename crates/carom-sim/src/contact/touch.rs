@@ -12,7 +12,7 @@
 use super::pair::{Against, Pair};
 use super::rule::ContactRule;
 use super::surface::{Moving, Surface, SurfaceMotion};
-use crate::error::SimError;
+use crate::error::{SimError, named};
 use carom_chain::{Chain, JointCoordinate};
 use carom_contact::{LeftOut, LinkShape, Meeting, Solid, Surface as Form, link_shapes, out_of_reach, shapes_of_link};
 use carom_impact::Frictionless;
@@ -43,11 +43,6 @@ pub(crate) enum TouchKind {
     Limit { joint: String, q: usize, v: usize, bound: f64, sign: f64 },
 }
 
-/// The shapes of a chain among these surfaces: without surfaces none is needed, and no mesh is read.
-fn shapes_at(chain: &Chain, surfaces: &[Surface]) -> Result<Vec<LinkShape>, SimError> {
-    if surfaces.is_empty() { Ok(Vec::new()) } else { Ok(link_shapes(chain)?) }
-}
-
 /// The corners of hulls with more vertices than this are examined together, while none of them touches.
 const MANY_CORNERS: usize = 32;
 
@@ -66,7 +61,7 @@ impl Touch {
     /// [`Touch::within_robots`] and [`Touch::between_robots`] choose the pairs by a rule.
     ///
     /// # Errors
-    /// [`SimError::Chain`] for an unknown link; [`SimError::LinkPair`] for a link without collision shape or a link paired with
+    /// [`SimError::Chain`] for an unknown link; [`SimError::Named`] for a link without collision shape or a link paired with
     /// itself; [`SimError::Shape`] for an invalid mesh.
     pub fn between(chain: &Chain, link: &str, other: &str, contact: &ContactRule) -> Result<Vec<Self>, SimError> {
         let of = |name: &str| {
@@ -78,7 +73,7 @@ impl Touch {
                 "has no collision shape: give it one in the URDF"
             };
             if own.is_empty() || link == other {
-                return Err(SimError::LinkPair { link: name.to_owned(), problem });
+                return Err(named("link", name, problem));
             }
             Ok(own)
         };
@@ -104,24 +99,7 @@ impl Touch {
     /// # Errors
     /// [`SimError::Shape`] for an invalid mesh.
     pub fn all(chain: &Chain, surfaces: &[Surface], limit_restitution: f64) -> Result<Touches, SimError> {
-        let shapes = shapes_at(chain, surfaces)?;
-        // The reach of moving surfaces is not computed.
-        let (moving, still): (Vec<_>, Vec<_>) =
-            surfaces.iter().partition(|surface| surface.motion.as_ref().is_some_and(SurfaceMotion::moves_shape));
-        let (mut touches, mut left_out) = (Vec::new(), Vec::new());
-        for shape in &shapes {
-            for surface in &still {
-                match out_of_reach(chain, shape, &surface.obstacle) {
-                    Some(why) => left_out.push((format!("{} on {}", shape.link(), surface.name), why)),
-                    None => Self::add(&mut touches, shape, surface),
-                }
-            }
-        }
-        for surface in moving {
-            shapes.iter().for_each(|shape| Self::add(&mut touches, shape, surface));
-        }
-        touches.extend(Self::limits(chain, limit_restitution));
-        Ok(Touches { touches, left_out })
+        Self::of(chain, surfaces, limit_restitution, true)
     }
 
     /// The pairs of every collision shape with every surface, including those out of reach, and all joint limits.
@@ -129,12 +107,35 @@ impl Touch {
     /// # Errors
     /// [`SimError::Shape`] for an invalid mesh.
     pub fn every(chain: &Chain, surfaces: &[Surface], limit_restitution: f64) -> Result<Vec<Self>, SimError> {
-        let mut touches = Vec::new();
-        for shape in &shapes_at(chain, surfaces)? {
-            surfaces.iter().for_each(|surface| Self::add(&mut touches, shape, surface));
+        Ok(Self::of(chain, surfaces, limit_restitution, false)?.touches)
+    }
+
+    /// [`Touch::all`], with the pairs out of reach unless they are to be `left_out`.
+    pub(crate) fn of(
+        chain: &Chain,
+        surfaces: &[Surface],
+        limit_restitution: f64,
+        left_out: bool,
+    ) -> Result<Touches, SimError> {
+        // Without surfaces no shape is needed, and no mesh is read.
+        let shapes = if surfaces.is_empty() { Vec::new() } else { link_shapes(chain)? };
+        let mut found = Touches::default();
+        // The reach of moving surfaces is not computed.
+        let moves = |surface: &Surface| surface.motion.as_ref().is_some_and(SurfaceMotion::moves_shape);
+        let (moving, still): (Vec<_>, Vec<_>) = surfaces.iter().partition(|surface| left_out && moves(surface));
+        for shape in &shapes {
+            for surface in &still {
+                match left_out.then(|| out_of_reach(chain, shape, &surface.obstacle)).flatten() {
+                    Some(why) => found.left_out.push((format!("{} on {}", shape.link(), surface.name), why)),
+                    None => Self::add(&mut found.touches, shape, surface),
+                }
+            }
         }
-        touches.extend(Self::limits(chain, limit_restitution));
-        Ok(touches)
+        for surface in moving {
+            shapes.iter().for_each(|shape| Self::add(&mut found.touches, shape, surface));
+        }
+        found.touches.extend(Self::limits(chain, limit_restitution));
+        Ok(found)
     }
 
     fn add(touches: &mut Vec<Self>, shape: &LinkShape, surface: &Surface) {
@@ -174,13 +175,8 @@ impl Touch {
         for part in meetings.into_iter().map(Some).chain([None]) {
             let name = part.map_or_else(|| whole.clone(), |part| format!("{whole}, {part}"));
             let kind = TouchKind::Pair { pair: pair.clone(), part };
-            touches.push(Self {
-                name,
-                contact: contact.clone(),
-                surface: Some(surface.to_owned()),
-                kind,
-                motion: motion.clone(),
-            });
+            let (contact, surface, motion) = (contact.clone(), Some(surface.to_owned()), motion.clone());
+            touches.push(Self { name, contact, kind, surface, motion });
         }
     }
 
@@ -235,24 +231,24 @@ impl Touch {
         touches
     }
 
+    /// The shape of its link and that of the second link of a pair of links; none for a limit.
+    pub(crate) fn shapes(&self) -> impl Iterator<Item = &LinkShape> {
+        let (own, other) = match &self.kind {
+            TouchKind::Ball { shape, .. } => (Some(&**shape), None),
+            TouchKind::Pair { pair, .. } => (Some(&pair.shape), pair.other()),
+            TouchKind::Limit { .. } => (None, None),
+        };
+        own.into_iter().chain(other)
+    }
+
     /// Name of the link; `None` for a limit.
     pub fn link(&self) -> Option<&str> {
-        match &self.kind {
-            TouchKind::Ball { shape, .. } => Some(shape.link()),
-            TouchKind::Pair { pair, .. } => Some(pair.shape.link()),
-            TouchKind::Limit { .. } => None,
-        }
+        self.shapes().next().map(LinkShape::link)
     }
 
     /// Name of the second link of a pair of links.
     pub fn other_link(&self) -> Option<&str> {
-        match &self.kind {
-            TouchKind::Pair { pair, .. } => match &pair.against {
-                Against::Link(other) => Some(other.link()),
-                Against::Obstacle(_) => None,
-            },
-            _ => None,
-        }
+        self.shapes().nth(1).map(LinkShape::link)
     }
 
     /// Name of the surface, or of the second link of a pair of links; `None` for a limit.
@@ -278,15 +274,7 @@ impl Touch {
 
     /// Its links, with the greatest distance of a point of their shapes from their frames, m.
     pub(crate) fn extents(&self) -> impl Iterator<Item = (&str, f64)> {
-        let shapes = match &self.kind {
-            TouchKind::Ball { shape, .. } => [Some(&**shape), None],
-            TouchKind::Pair { pair, .. } => match &pair.against {
-                Against::Link(other) => [Some(&pair.shape), Some(&**other)],
-                Against::Obstacle(_) => [Some(&pair.shape), None],
-            },
-            TouchKind::Limit { .. } => [None, None],
-        };
-        shapes.into_iter().flatten().map(|shape| {
+        self.shapes().map(|shape| {
             let (centre, radius) = shape.solid().bounding_sphere();
             (shape.link(), shape.origin().translation.norm() + centre.norm() + radius)
         })
@@ -302,16 +290,12 @@ impl Touch {
 
     /// Radius of a sphere about the body of its link, m; 0 for a limit.
     pub(crate) fn size(&self) -> f64 {
-        match &self.kind {
-            TouchKind::Ball { shape, .. } => shape.solid().bounding_sphere().1,
-            TouchKind::Pair { pair, .. } => pair.size(),
-            TouchKind::Limit { .. } => 0.0,
-        }
+        self.shapes().next().map_or(0.0, |shape| shape.solid().bounding_sphere().1)
     }
 
     /// Whether it has a force during a finite time.
     pub(crate) fn is_compliant(&self) -> bool {
-        self.contact.compliance.is_some() && self.link().is_some()
+        self.contact.compliance.is_some()
     }
 
     /// Whether it is a contact of two parts (corners, edges, faces, rims) of bodies, for which there is also the touch of their
@@ -320,24 +304,26 @@ impl Touch {
         matches!(self.kind, TouchKind::Pair { part: Some(_), .. })
     }
 
+    /// The pair, where it is the contact of two bodies and not of their parts.
+    fn whole(&self) -> Option<&Pair> {
+        match &self.kind {
+            TouchKind::Pair { pair, part: None } => Some(pair),
+            _ => None,
+        }
+    }
+
     /// Whether it is the contact of two bodies, and not of their parts.
     pub(crate) fn is_whole(&self) -> bool {
-        matches!(self.kind, TouchKind::Pair { part: None, .. })
+        self.whole().is_some()
     }
 
     /// Whether every contact of its bodies is a contact at one point, or is divided into such contacts.
     pub(crate) fn is_covered(&self) -> bool {
-        match &self.kind {
-            TouchKind::Pair { pair, part: None } => pair.is_point() || pair.is_complete(),
-            _ => true,
-        }
+        self.whole().is_none_or(|pair| pair.is_point() || pair.is_complete())
     }
 
     /// Whether it is a contact at one point: bodies with faces or edges can touch at several.
     pub(crate) fn is_point(&self) -> bool {
-        match &self.kind {
-            TouchKind::Pair { pair, part: None } => pair.is_point(),
-            _ => true,
-        }
+        self.whole().is_none_or(Pair::is_point)
     }
 }

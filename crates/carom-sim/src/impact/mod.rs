@@ -1,7 +1,5 @@
 //! Impacts of a chain at one point: single, prepared, in batches; their derivatives, saltation matrices and bounds.
 
-mod band;
-mod batch;
 mod contact;
 mod derivative;
 mod frictionless;
@@ -15,11 +13,9 @@ mod saltation;
 mod strike;
 mod together;
 
-pub use band::ImpactBand;
-pub use batch::{FrictionlessJump, Jumped, Outcomes};
-pub use contact::Contact;
+pub use contact::{Contact, ImpactBand};
 pub use derivative::{ContactRows, ImpactDerivative, PlaneContact, RowContact};
-pub use frictionless::frictionless_jump_into;
+pub use frictionless::{FrictionlessJump, Jumped, Outcomes, frictionless_jump_into};
 pub use hit::ChainImpact;
 pub use joints::JointModel;
 pub use lanes::States;

@@ -12,11 +12,11 @@
 //! determined.
 
 use super::prepared::{Aim, problem};
-use crate::contact::{SeveralLaw, Solved};
+use crate::contact::SeveralLaw;
 use crate::error::SimError;
 use crate::state::EQUAL;
 use carom_chain::{Chain, FramePoint};
-use carom_impact::{Accuracy, Constraint, Flags, SeveralProblem};
+use carom_impact::{Accuracy, Constraint, Flags, SeveralOutcome, SeveralProblem};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, MatrixXx3, Vector3};
 
 /// One of several points at which a chain is struck at the same moment.
@@ -120,7 +120,7 @@ pub(super) fn resolve(
     });
     let (constraints, stiffnesses): (_, Vec<f64>) = constraints.unzip();
     let problem = SeveralProblem::new(delassus, u_minus, constraints)?;
-    let solve = |problem: &SeveralProblem| -> Result<Solved, SimError> {
+    let solve = |problem: &SeveralProblem| -> Result<SeveralOutcome, SimError> {
         let mut found = law.solve(problem, &stiffnesses, &Accuracy::default(), None)?;
         let rounding = problem.rounding(&found.impulse);
         let known = rounding <= found.residual; // false for NaN too
@@ -128,7 +128,7 @@ pub(super) fn resolve(
         Ok(found)
     };
     let mut outcome = solve(&problem)?;
-    let solved = |found: &Solved| found.residual <= EQUAL;
+    let solved = |found: &SeveralOutcome| found.residual <= EQUAL;
     if !solved(&outcome) {
         let first = outcome.residual;
         outcome = solve(&problem.without_restitution())?;

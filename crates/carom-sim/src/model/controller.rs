@@ -1,7 +1,7 @@
 //! Controllers that users write in Rust.
 
 use super::control_law::{Add, Asked, Body, ControlLaw, State};
-use crate::error::SimError;
+use crate::error::{SimError, named};
 use crate::state::Space;
 use carom_chain::Chain;
 use nalgebra::Vector3;
@@ -101,7 +101,7 @@ impl ControlLaw for UserController {
         if let Some(v) = forces.iter().position(|force| !force.is_finite()) {
             let joint = chain.joint_of_velocity(v).map_or_else(String::new, |joint| joint.name.clone());
             let problem = format!("gets the force {} from controller '{}'", forces[v], self.0.name());
-            return Err(SimError::Joint { joint, problem });
+            return Err(named("joint", &joint, problem));
         }
         asked.motors.iter().for_each(|motor| add(motor.v, forces[motor.v]));
         Ok(())

@@ -1,6 +1,6 @@
 //! Loops of a mechanism: joints that close a tree of links.
 
-use crate::error::SimError;
+use crate::error::{SimError, named};
 use crate::state::{Coupling, EQUAL, Space, reach};
 use carom_chain::Chain;
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
@@ -71,10 +71,10 @@ impl Loop {
     /// Checks the loop for a chain.
     ///
     /// # Errors
-    /// [`SimError::Chain`] for an unknown link; [`SimError::BadLoop`] for a loop between a link and itself or within the world, an
+    /// [`SimError::Chain`] for an unknown link; [`SimError::Named`] for a loop between a link and itself or within the world, an
     /// axis without direction, and numbers that are not finite.
     pub(crate) fn check(&self, chain: &Chain) -> Result<(), SimError> {
-        let refuse = |rule: &str| Err(SimError::BadLoop { name: self.name.clone(), rule: rule.to_owned() });
+        let refuse = |rule| Err(named("loop", &self.name, rule));
         for link in self.frames.iter().filter_map(|frame| frame.link.as_ref()) {
             chain.frame(link)?;
         }

@@ -7,7 +7,7 @@ use super::loops::Loop;
 use super::spring::{Spring, SpringAt};
 use super::wrench::Wrench;
 use crate::contact::{Memory, Moving, SeveralLaw, Touch};
-use crate::error::{SimError, require};
+use crate::error::{SimError, named, require};
 use crate::state::{Coupling, Moment, Space, View, close_loops};
 use carom_chain::{Chain, Coordinates, JointInfo, PlanarChain, Spatial};
 use nalgebra::Vector3;
@@ -136,19 +136,24 @@ impl Simulation {
     /// [`ContactMode::Pressing`](crate::ContactMode::Pressing) contains its `touch` and `damping`.
     ///
     /// # Errors
-    /// [`SimError::Chain`] for an invalid state; [`SimError::Rigid`] for a rigid contact; [`SimError::Memory`] for a force that
-    /// depends on the history of the contact ([`Yielding::WaltonBraun`](crate::Yielding::WaltonBraun),
+    /// [`SimError::Chain`] for an invalid state; [`SimError::NoForce`] for a rigid contact, and for a force that depends on the
+    /// history of the contact ([`Yielding::WaltonBraun`](crate::Yielding::WaltonBraun),
     /// [`Holding::Bristle`](crate::Holding::Bristle)).
     pub fn pressing_force(&self, touch: usize, damping: f64, moment: &Moment) -> Result<Vector3<f64>, SimError> {
         let mut workspace = self.chain.workspace();
         let view = View::<Spatial<f64>>::new(&self.chain, &mut workspace, &moment.q)?;
         let Some(touch) = self.touches.get(touch) else { return Ok(Vector3::zeros()) };
         let at = touch.at(&view, &moment.q, moment.time);
+        let refuse = |why| Err(SimError::NoForce { touch: touch.name.clone(), why });
         let (Some(place), Some(compliance)) = (at.surface, touch.contact.compliance) else {
-            return Err(SimError::Rigid { touch: touch.name.clone() });
+            return refuse(" is a rigid contact, which has impulses and no force: give it a compliance");
         };
         if compliance.has_memory() {
-            return Err(SimError::Memory { touch: touch.name.clone() });
+            return refuse(
+                ": its force depends on the history of the contact (largest penetration, or deflection of a bristle), which a single \
+                 moment does not contain; choose the Hunt-Crossley or Kelvin-Voigt force and smoothed friction to compute forces \
+                 afterwards",
+            );
         }
         let u = touch.u(&place, &view, &moment.qd, moment.time)?;
         let memory = Memory { damping, ..Memory::default() };
@@ -210,7 +215,9 @@ impl Simulation {
                 return Err(SimError::Contact { touch: touch.name.clone(), what: "friction", value: friction, rule });
             }
             if let Some(compliance) = touch.contact.compliance {
-                let rule = if self.stepping {
+                let rule = if touch.limit_of().is_some() {
+                    "joint limits are rigid: remove the compliance, or give the joint a spring"
+                } else if self.stepping {
                     "time stepping supports rigid contacts only: remove the compliance or use method = \"events\""
                 } else if touch.is_covered() {
                     continue;
@@ -228,26 +235,27 @@ impl Simulation {
         self.wrenches.iter().try_for_each(|wrench| wrench.check(&self.chain))?;
         self.springs.iter().try_for_each(|spring| spring.on(&self.chain).map(|_| ()))?;
         self.check_loops()?;
-        self.drive.check(&self.chain)?;
-        self.after_impact.iter().try_for_each(|drive| drive.check(&self.chain))
+        self.drives().try_for_each(|drive| drive.check(&self.chain))
+    }
+
+    /// The drive, and that from the first impact on.
+    pub(crate) fn drives(&self) -> impl Iterator<Item = &Drive> {
+        std::iter::once(&self.drive).chain(&self.after_impact)
     }
 
     fn check_loops(&self) -> Result<(), SimError> {
-        [Some(&self.drive), self.after_impact.as_ref()]
-            .into_iter()
-            .flatten()
-            .try_for_each(|it| self.check_loops_of(it))?;
+        self.drives().try_for_each(|drive| self.check_loops_of(drive))?;
         self.loops.iter().try_for_each(|own| own.check(&self.chain))
     }
 
     /// # Errors
-    /// [`SimError::BadLoop`] for a drive that cannot be combined with loops.
+    /// [`SimError::Named`] for a drive that cannot be combined with loops.
     pub(crate) fn check_loops_of(&self, drive: &Drive) -> Result<(), SimError> {
         match self.loops.first() {
             Some(first) if drive.laws().any(ControlLaw::is_of_trees) => {
                 let rule = "cannot be combined with the controllers \"transition\" and \"impact-invariant\", whose formulas are \
                             those of a tree: choose another controller, or remove the loop";
-                Err(SimError::BadLoop { name: first.name.clone(), rule: rule.to_owned() })
+                Err(named("loop", &first.name, rule))
             }
             _ => Ok(()),
         }
@@ -265,7 +273,7 @@ impl Simulation {
     /// The state nearest to `(q, qd)` in the metric of M that closes the loops, and the largest change of a coordinate.
     ///
     /// # Errors
-    /// [`SimError::Loop`] if a loop cannot be closed from here; [`SimError::BadLoop`] for an invalid loop.
+    /// [`SimError::Loop`] if a loop cannot be closed from here; [`SimError::Named`] for an invalid loop.
     pub fn close_loops(&self, q: &[f64], qd: &[f64]) -> Result<(Moment, f64), SimError> {
         self.check_loops()?;
         let (mut own, mut rates) = (q.to_vec(), qd.to_vec());
@@ -318,8 +326,7 @@ impl Simulation {
 
     /// The first time after `time` at which drives, outer forces or surfaces jump or have a kink; infinite without one.
     pub(crate) fn next_kink(&self, moving: &[&Moving], time: f64) -> f64 {
-        let drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
-        let kinks = drives.flat_map(Drive::laws).filter_map(|law| law.next_kink(time));
+        let kinks = self.drives().flat_map(Drive::laws).filter_map(|law| law.next_kink(time));
         let kinks = kinks.chain(self.wrenches.iter().filter_map(|wrench| wrench.next_kink(time)));
         let surfaces = moving.iter().filter_map(|moving| match moving {
             Moving::Given(motion) => motion.next_kink(time),
@@ -330,8 +337,7 @@ impl Simulation {
 
     /// Whether a chain at rest at `time` stays at rest beside surfaces at rest: no drive and no outer force depends on time.
     pub(crate) fn is_steady(&self, time: f64) -> bool {
-        let drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
-        drives.flat_map(Drive::laws).all(ControlLaw::is_steady)
+        self.drives().flat_map(Drive::laws).all(ControlLaw::is_steady)
             && self.wrenches.iter().all(|wrench| wrench.is_steady(time))
     }
 

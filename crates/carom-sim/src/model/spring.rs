@@ -1,20 +1,24 @@
 //! Passive springs of joints.
 
 use super::gains::not_negative;
-use crate::error::{SimError, require};
+use crate::error::{SimError, named, require};
 use carom_chain::{Chain, Coordinates};
+use serde::Deserialize;
 
 /// A passive spring and damper of a joint: the joint force −k (q − rest) − d q̇. Its elastic energy is part of the potential
 /// energy of a run. It acts in addition to the damping of the URDF and whatever the controller.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Spring {
     /// Name of the joint, which has one coordinate.
     pub joint: String,
     /// Position at which it has no force, rad or m.
+    #[serde(default)]
     pub rest: f64,
     /// Stiffness k, N m/rad or N/m, not negative.
     pub stiffness: f64,
     /// Damping d, N m s/rad or N s/m, not negative.
+    #[serde(default)]
     pub damping: f64,
 }
 
@@ -43,17 +47,15 @@ impl Spring {
             Coordinates::Own { q, v } if v.len() == 1 => {
                 Ok(SpringAt { q: q.start, v: v.start, rest, stiffness, damping })
             }
-            Coordinates::Own { .. } => Err(unfit(joint, "has several coordinates: springs act on hinges and sliders")),
-            Coordinates::Follows { joint: leader, .. } => {
-                Err(unfit(joint, &format!("mimics '{leader}': give the spring to that joint")))
+            Coordinates::Own { .. } => {
+                Err(named("joint", joint, "has several coordinates: springs act on hinges and sliders"))
             }
-            Coordinates::None => Err(unfit(joint, "does not move: remove the spring")),
+            Coordinates::Follows { joint: leader, .. } => {
+                Err(named("joint", joint, format!("mimics '{leader}': give the spring to that joint")))
+            }
+            Coordinates::None => Err(named("joint", joint, "does not move: remove the spring")),
         }
     }
-}
-
-fn unfit(joint: &str, problem: &str) -> SimError {
-    SimError::Joint { joint: joint.to_owned(), problem: problem.to_owned() }
 }
 
 impl SpringAt {

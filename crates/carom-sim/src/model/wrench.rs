@@ -13,6 +13,7 @@ use crate::error::{SimError, require};
 use crate::state::{Profile, Space, View};
 use carom_chain::{Chain, FrameId};
 use nalgebra::Vector3;
+use serde::Deserialize;
 
 /// A force and a torque that act on a link from outside.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,7 +29,8 @@ pub struct Wrench {
 }
 
 /// The axes in which a [`Wrench`] is given.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum WrenchAxes {
     /// World axes: the direction stays while the link turns.
     #[default]

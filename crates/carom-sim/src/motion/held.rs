@@ -137,10 +137,8 @@ impl<A: Space> Motion<'_, A> {
                     found.pressed.push(Force { force, normal, normal_force, bends: pressed.bends });
                 }
                 _ => {
-                    let drift = match touch.drift(&at, &view, drifts, qd, time) {
-                        Some(closed) => closed?,
-                        None => numerical.next().unwrap_or_default(),
-                    };
+                    let closed = touch.drift(&at, &view, drifts, qd, time)?;
+                    let drift = closed.or_else(|| numerical.next()).unwrap_or_default();
                     found.constraints.add_accelerated((own, touch), (&at, &view), (qd, time), drift, (noise, locks))?;
                 }
             }

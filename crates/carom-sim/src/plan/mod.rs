@@ -333,8 +333,7 @@ impl Plan {
     /// What drives the joints, and what does not.
     fn drive(&mut self) {
         let sim = &self.simulation;
-        let drives = || [Some(&sim.drive), sim.after_impact.as_ref()].into_iter().flatten();
-        let off = drives().flat_map(Drive::each_robot).all(|(_, drive)| matches!(drive, Drive::Off));
+        let off = sim.drives().flat_map(Drive::each_robot).all(|(_, drive)| matches!(drive, Drive::Off));
         let first = sim.drive.description();
         let choice = match &sim.after_impact {
             Some(after) => format!("{first}, {} from the first impact on", after.description()),

@@ -87,14 +87,13 @@ pub(super) fn merged(touches: &[Touch], flat: &PlanarChain) -> Vec<Touch> {
 /// of M⁻¹D and the root of that of M⁻¹K.
 pub(super) fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
     let chain = &simulation.chain;
-    let drives = || [Some(&simulation.drive), simulation.after_impact.as_ref()].into_iter().flatten();
-    let tracked = drives().flat_map(Drive::laws).map(|law| law.rate()).fold(0.0, f64::max);
+    let tracked = simulation.drives().flat_map(Drive::laws).map(|law| law.rate()).fold(0.0, f64::max);
     let (mut stiffness, mut damping) = (vec![0.0; chain.nv()], simulation.damping());
     for motor in motors(chain) {
-        let gains =
-            |pick: fn((f64, f64)) -> f64| drives().map(|drive| pick(drive.law().gains(motor.v))).fold(0.0, f64::max);
-        stiffness[motor.v] += gains(|(p, _)| p);
-        damping[motor.v] += gains(|(_, d)| d);
+        let gains = simulation.drives().map(|drive| drive.law().gains(motor.v));
+        let (p, d) = gains.fold((0.0, 0.0), |(p, d): (f64, f64), own| (p.max(own.0), d.max(own.1)));
+        stiffness[motor.v] += p;
+        damping[motor.v] += d;
     }
     for spring in simulation.springs_at() {
         stiffness[spring.v] += spring.stiffness;

@@ -12,12 +12,12 @@ use super::history::Class;
 use super::impacts::Struck;
 use super::run_state::Run;
 use super::trajectory::EventKind;
-use crate::contact::{SeveralLaw, Solved};
+use crate::contact::SeveralLaw;
 use crate::error::SimError;
 use crate::motion::{Constraints, Lasting, Level, push};
 use crate::state::{CLEAR, EQUAL, EXACT, Space};
 use carom_chain::Rows;
-use carom_impact::{Accuracy, Constraint, SeveralProblem};
+use carom_impact::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
 use nalgebra::DVector;
 
 /// Accuracy of the impulses of an impact.
@@ -36,7 +36,7 @@ impl<A: Space> Run<'_, '_, A> {
         [u_minus, u_free]: [&DVector<f64>; 2],
         (law, accuracy): (SeveralLaw, &Accuracy),
         start: Option<&DVector<f64>>,
-    ) -> Result<Solved, SimError> {
+    ) -> Result<SeveralOutcome, SimError> {
         let problem = SeveralProblem::from_gram(table.gram(responses), u_minus.clone(), laws)?;
         let problem = problem.with_free_velocity(u_free.clone())?;
         Ok(law.solve(&problem, &table.stiffnesses(self.motion.sim), accuracy, start)?)
@@ -150,7 +150,7 @@ impl<A: Space> Run<'_, '_, A> {
         &mut self,
         together: &[usize],
         (table, responses): (&Constraints, &Rows),
-        (outcome, residual): (&Solved, f64),
+        (outcome, residual): (&SeveralOutcome, f64),
     ) -> Result<(), SimError> {
         let before = self.y.clone();
         self.history.statistics.worst_residual = self.history.statistics.worst_residual.max(residual);

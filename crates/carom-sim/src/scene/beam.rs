@@ -1,28 +1,9 @@
 //! Slender links of a robot that bend, `[[robot.beam]]`.
 
+use super::file::Beam;
 use crate::model::Spring;
 use carom_chain::ChainError;
 use carom_chain::urdf::{self, Robot};
-use serde::Deserialize;
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Beam {
-    pub link: String,
-    pub from: [f64; 3],
-    pub to: [f64; 3],
-    pub bends: usize,
-    pub bending: Vec<Bending>,
-    #[serde(default)]
-    pub damping: f64,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Bending {
-    pub axis: [f64; 3],
-    pub stiffness: f64,
-}
 
 /// The robot with its beams divided into segments, and the springs of the bends; `name` gives the name of a joint in the chain.
 pub(crate) fn divided(

@@ -54,7 +54,7 @@ pub(crate) fn unused(
     surfaces: &[file::Surface],
     touches: &[Touch],
 ) -> Option<String> {
-    let own = surfaces.iter().map(|surface| &surface.contact.0);
+    let own = surfaces.iter().map(|surface| &surface.contact);
     let all = own.chain(contact.pair.iter().map(|Table((_, pair))| pair)).chain([whole]);
     let given = all.filter_map(|keys| keys.tangential_restitution).any(|value| value != 0.0);
     let uses = |law: &str| LawInfo::named(law).is_some_and(|law| law.has("tangential_restitution"));
@@ -65,7 +65,7 @@ pub(crate) fn unused(
 }
 
 fn compliance(given: &file::Compliance) -> Result<Compliance, String> {
-    let file::Compliance { stiffness, force, exponent, damping, pulls, slip_speed, bristle } = given;
+    let file::Compliance { stiffness, force, exponent, damping, pulls, slip_speed, bristle, .. } = given;
     let names = NormalForce::NAMES;
     let force = force.as_deref().unwrap_or(names[0]);
     let normal = match names.iter().position(|&name| name == force) {
@@ -96,13 +96,8 @@ fn compliance(given: &file::Compliance) -> Result<Compliance, String> {
 }
 
 /// The touches between links: those of `links` and of `between_robots`.
-pub(crate) fn between_links(
-    contact: &Contact,
-    chain: &Chain,
-    rule: &ContactRule,
-    refuse: &impl Fn(String) -> SimError,
-) -> Result<Touches, SimError> {
-    let refuse = |why: String| refuse(format!("[contact] {why}"));
+pub(crate) fn between_links(contact: &Contact, chain: &Chain, rule: &ContactRule) -> Result<Touches, SimError> {
+    let refuse = |why: String| super::refuse(format!("[contact] {why}"));
     let several = !chain.members().is_empty();
     if contact.between_robots.is_some() && !several {
         return Err(refuse("between_robots is for scenes with several robots ([[robot]]): remove it".into()));
@@ -153,7 +148,7 @@ pub(crate) fn apply(
     surfaces: &[Surface],
     touches: &mut Vec<Touch>,
 ) -> Result<bool, String> {
-    let Pair { link, surface, joint, disabled } = pair;
+    let Pair { link, surface, joint, disabled, .. } = pair;
     if joint.is_some() == (link.is_some() || surface.is_some()) {
         return Err("needs link, surface or both, or else joint (for its limits)".into());
     }
@@ -195,7 +190,7 @@ pub(crate) fn apply(
     };
     let met = touches.iter().any(meant);
     if *disabled {
-        if own.is_given() {
+        if !own.given.is_empty() {
             return Err("has disabled = true, and values of a contact that does not act: remove one of them".into());
         }
         touches.retain(|touch| !meant(touch));

@@ -1,16 +1,50 @@
 //! The controllers in a scene file, and the keys that each of them reads.
 
-use super::file::{Control, Controller, PerJoint, Target};
+use super::file::{Control, PerJoint, Target};
 use super::surface::half_space;
 use super::table::Columns;
 use crate::contact::Surface;
 use crate::model::{Drive, Gains, ImpactInvariant, Pd, Reference, TorqueTable, Tracking, Transition, motors};
 use carom_chain::{Chain, ChainError, Coordinates};
 use nalgebra::Vector3;
-use std::path::Path;
+use serde::{Deserialize, Deserializer};
+use std::path::{Path, PathBuf};
+
+/// A controller: its name, the keys that it reads, and how it is made from them.
+type Row = (&'static str, &'static [&'static str], fn(&Drives) -> Result<Drive, String>);
+
+/// All controllers of scene files.
+const CONTROLLERS: [Row; 8] = [
+    ("off", &[], |_| Ok(Drive::Off)),
+    ("pd", &["target", "kp", "kd"], |own| own.pd()),
+    ("constant", &["torque"], |own| Ok(Drive::Constant(own.given("torque", &own.control.torque)?.clone()))),
+    ("gravity-compensation", &[], |_| Ok(Drive::GravityCompensation)),
+    ("transition", &["gain", "press", "compensate"], |own| own.transition()),
+    ("impact-invariant", &["target", "kp", "kd"], |own| own.impact_invariant()),
+    ("torque-file", &["torque_file"], |own| own.torque_file()),
+    ("tracking", &["reference", "kp", "kd", "feed_forward"], |own| own.tracking()),
+];
+
+/// The index of a controller in the list of all.
+#[derive(Default, Clone, Copy, PartialEq)]
+pub(crate) struct Controller(usize);
+
+impl<'de> Deserialize<'de> for Controller {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(from)?;
+        CONTROLLERS.iter().position(|(own, ..)| *own == name).map(Self).ok_or_else(|| {
+            let known = CONTROLLERS.map(|(name, ..)| name).join("`, `");
+            serde::de::Error::custom(format_args!("unknown variant `{name}`, expected one of `{known}`"))
+        })
+    }
+}
 
 /// What the controllers of a robot are made from.
+#[derive(Clone, Copy)]
 pub(crate) struct Drives<'a> {
+    /// The key that chooses a controller, and the controller's name.
+    pub asks: &'a str,
+    pub name: &'a str,
     pub folder: &'a Path,
     /// The table of the file that has the keys.
     pub table: &'a str,
@@ -45,90 +79,25 @@ impl World<'_> {
 impl Drives<'_> {
     /// The drive, and that after the first impact.
     pub fn both(&self) -> Result<(Drive, Option<Drive>), String> {
-        let drive = self.drive("controller", self.control.controller)?;
-        let after = self.control.after_impact.map(|controller| self.drive("after_impact", controller)).transpose()?;
+        let Control { controller, after_impact, .. } = self.control;
+        let made = |asks, Controller(row): Controller| {
+            let (name, _, make) = CONTROLLERS[row];
+            make(&Drives { asks, name, ..*self })
+        };
+        let drive = made("controller", *controller)?;
+        let after = after_impact.map(|after| made("after_impact", after)).transpose()?;
         self.check_unused()?;
         Ok((drive, after))
     }
 
-    /// The drive of a controller; `asks` is the key that chose it.
-    fn drive(&self, asks: &str, controller: Controller) -> Result<Drive, String> {
-        let (run, table) = (self.control, self.table);
-        let needs = |key: &str| format!("{table} {asks} = \"{}\" needs the key {key}", controller.name());
-        let tip = |link: Option<&'_ str>| {
-            let why =
-                || format!("{table} {asks} = \"{}\" is for one robot: give it in its [[robot]]", controller.name());
-            link.map(str::to_owned).ok_or_else(why)
-        };
-        let number = |key: &str, given: Option<f64>| given.ok_or_else(|| needs(key));
-        let gains = |key: &str, given: &Option<PerJoint>| match given {
-            None => Err(needs(key)),
-            Some(PerJoint::Same(gain)) => Ok(Gains::Same(*gain)),
-            Some(given) => per_joint(key, given, self.chain).map(Gains::Each).map_err(|why| format!("{table} {why}")),
-        };
-        let wanted = || {
-            let given = run.target.as_ref().ok_or_else(|| needs("target: {} keeps the positions at the start"))?;
-            positions("target", given, self.chain, self.q).map_err(|why| format!("{table} {why}"))
-        };
-        Ok(match controller {
-            Controller::Off => Drive::Off,
-            Controller::GravityCompensation => Drive::GravityCompensation,
-            Controller::Constant => Drive::Constant(run.torque.clone().ok_or_else(|| needs("torque"))?),
-            Controller::TorqueFile => {
-                let file = run.torque_file.as_ref().ok_or_else(|| needs("torque_file"))?;
-                torque_table(&self.folder.join(file), self.chain).map_err(|why| format!("{table} torque_file {why}"))?
-            }
-            Controller::Pd => Drive::Pd(Pd { kp: gains("kp", &run.kp)?, kd: gains("kd", &run.kd)?, target: wanted()? }),
-            Controller::Tracking => {
-                let file = run.reference.as_ref().ok_or_else(|| needs("reference"))?;
-                let driven = motors(self.chain).len() == self.chain.nv();
-                Drive::Tracking(Tracking {
-                    kp: gains("kp", &run.kp)?,
-                    kd: gains("kd", &run.kd)?,
-                    reference: reference(&self.folder.join(file), self.chain)
-                        .map_err(|why| format!("{table} reference {why}"))?,
-                    feed_forward: run.feed_forward.unwrap_or(driven),
-                })
-            }
-            Controller::ImpactInvariant => Drive::ImpactInvariant(ImpactInvariant {
-                tip: tip(self.tip)?,
-                normal: self.normal("impact-invariant")?,
-                kp: gains("kp", &run.kp)?,
-                kd: gains("kd", &run.kd)?,
-                target: wanted()?,
-                velocity: vec![0.0; self.chain.nv()],
-            }),
-            Controller::Transition => Drive::Transition(Transition {
-                tip: tip(self.tip)?,
-                normal: self.normal("transition")?,
-                velocity: self.world.velocity(&tip(self.tip_in_world)?).map_err(|e| format!("{table} {e}"))?,
-                gain: number("gain", run.gain)?,
-                press: run.press.unwrap_or(0.0),
-                compensate: run.compensate.unwrap_or(true),
-                restitution: self.surfaces.first().map_or(0.0, |surface| surface.contact.law.restitution()),
-            }),
-        })
-    }
-
     /// Refuses keys that no chosen controller reads.
     fn check_unused(&self) -> Result<(), String> {
-        let run = self.control;
-        use Controller::{Constant, ImpactInvariant, Pd, TorqueFile, Tracking, Transition};
-        let readers: [(&str, bool, &[Controller], &str); 10] = [
-            ("target", run.target.is_some(), &[Pd, ImpactInvariant], "pd"),
-            ("kp", run.kp.is_some(), &[Pd, Tracking, ImpactInvariant], "pd"),
-            ("kd", run.kd.is_some(), &[Pd, Tracking, ImpactInvariant], "pd"),
-            ("reference", run.reference.is_some(), &[Tracking], "tracking"),
-            ("feed_forward", run.feed_forward.is_some(), &[Tracking], "tracking"),
-            ("torque", run.torque.is_some(), &[Constant], "constant"),
-            ("torque_file", run.torque_file.is_some(), &[TorqueFile], "torque-file"),
-            ("gain", run.gain.is_some(), &[Transition], "transition"),
-            ("press", run.press.is_some(), &[Transition], "transition"),
-            ("compensate", run.compensate.is_some(), &[Transition], "transition"),
-        ];
-        for (key, given, controllers, name) in readers {
-            let read = controllers.iter().any(|&c| run.controller == c || run.after_impact == Some(c));
-            if given && !read {
+        let Control { controller, after_impact, given, .. } = self.control;
+        let reads = |(_, keys, _): &Row, key: &str| keys.contains(&key);
+        for key in given {
+            let read =
+                [Some(*controller), *after_impact].into_iter().flatten().any(|it| reads(&CONTROLLERS[it.0], key));
+            if let Some((name, ..)) = CONTROLLERS.iter().find(|row| reads(row, key)).filter(|_| !read) {
                 return Err(format!(
                     "{} {key} is not read by the chosen controller: remove it or set controller = \"{name}\"",
                     self.table
@@ -138,11 +107,83 @@ impl Drives<'_> {
         Ok(())
     }
 
-    fn normal(&self, controller: &str) -> Result<Vector3<f64>, String> {
-        half_space(self.surfaces.first()).ok_or_else(|| {
-            let table = self.table;
-            format!("{table} controller = \"{controller}\" refers to the first surface, which must be a halfspace")
-        })
+    /// A message that begins with what is asked for.
+    fn refuse(&self, why: &str) -> String {
+        format!("{} {} = \"{}\" {why}", self.table, self.asks, self.name)
+    }
+
+    /// The value of a key that it needs.
+    fn given<'g, T>(&self, key: &str, value: &'g Option<T>) -> Result<&'g T, String> {
+        value.as_ref().ok_or_else(|| self.refuse(&format!("needs the key {key}")))
+    }
+
+    fn gains(&self) -> Result<[Gains; 2], String> {
+        let gains = |key: &str, value| match self.given(key, value)? {
+            PerJoint::Same(gain) => Ok(Gains::Same(*gain)),
+            each => per_joint(key, each, self.chain).map(Gains::Each).map_err(|why| format!("{} {why}", self.table)),
+        };
+        Ok([gains("kp", &self.control.kp)?, gains("kd", &self.control.kd)?])
+    }
+
+    fn target(&self) -> Result<Vec<f64>, String> {
+        let target = self.given("target: {} keeps the positions at the start", &self.control.target)?;
+        positions("target", target, self.chain, self.q).map_err(|why| format!("{} {why}", self.table))
+    }
+
+    fn tip<'t>(&self, link: Option<&'t str>) -> Result<&'t str, String> {
+        link.ok_or_else(|| self.refuse("is for one robot: give it in its [[robot]]"))
+    }
+
+    fn normal(&self) -> Result<Vector3<f64>, String> {
+        let none = || self.refuse("refers to the first surface, which must be a halfspace");
+        half_space(self.surfaces.first()).ok_or_else(none)
+    }
+
+    /// What a table over time gives, whose file is the value of a key.
+    fn table<T>(
+        &self,
+        key: &str,
+        file: &Option<PathBuf>,
+        read: impl Fn(&Path, &Chain) -> Result<T, String>,
+    ) -> Result<T, String> {
+        let path = self.folder.join(self.given(key, file)?);
+        read(&path, self.chain).map_err(|why| format!("{} {key} {}: {why}", self.table, path.display()))
+    }
+
+    fn pd(&self) -> Result<Drive, String> {
+        let [kp, kd] = self.gains()?;
+        Ok(Drive::Pd(Pd { kp, kd, target: self.target()? }))
+    }
+
+    fn torque_file(&self) -> Result<Drive, String> {
+        self.table("torque_file", &self.control.torque_file, torque_table)
+    }
+
+    fn tracking(&self) -> Result<Drive, String> {
+        let [kp, kd] = self.gains()?;
+        let driven = motors(self.chain).len() == self.chain.nv();
+        let feed_forward = self.control.feed_forward.unwrap_or(driven);
+        let reference = self.table("reference", &self.control.reference, reference)?;
+        Ok(Drive::Tracking(Tracking { reference, kp, kd, feed_forward }))
+    }
+
+    fn impact_invariant(&self) -> Result<Drive, String> {
+        let (tip, normal, [kp, kd]) = (self.tip(self.tip)?.to_owned(), self.normal()?, self.gains()?);
+        let (target, velocity) = (self.target()?, vec![0.0; self.chain.nv()]);
+        Ok(Drive::ImpactInvariant(ImpactInvariant { tip, normal, kp, kd, target, velocity }))
+    }
+
+    fn transition(&self) -> Result<Drive, String> {
+        let point = self.tip(self.tip_in_world)?;
+        Ok(Drive::Transition(Transition {
+            tip: self.tip(self.tip)?.to_owned(),
+            normal: self.normal()?,
+            velocity: self.world.velocity(point).map_err(|e| format!("{} {e}", self.table))?,
+            gain: *self.given("gain", &self.control.gain)?,
+            press: self.control.press.unwrap_or(0.0),
+            compensate: self.control.compensate.unwrap_or(true),
+            restitution: self.surfaces.first().map_or(0.0, |surface| surface.contact.law.restitution()),
+        }))
     }
 }
 
@@ -230,51 +271,30 @@ pub(crate) fn positions(key: &str, given: &Target, chain: &Chain, start: &[f64])
     }
 }
 
-/// Joint forces over time: by joint name, or without names in the order of qd.
-fn torque_table(path: &Path, chain: &Chain) -> Result<Drive, String> {
-    let read = || {
-        let table = Columns::read(path)?;
-        let hinges = hinges(chain);
-        let names: Vec<String> = hinges.iter().map(|(name, ..)| name.clone()).collect();
-        if !table.has_names() {
-            let wanted: Vec<String> = (0..chain.nv()).map(|v| v.to_string()).collect();
-            return table.pick(&wanted, false, "joint force");
-        }
-        let (times, rows) = table.pick(&names, false, "joint force")?;
-        let spread = |row: Vec<f64>| {
-            let mut all = vec![0.0; chain.nv()];
-            hinges.iter().zip(row).for_each(|((_, _, v), force)| all[*v] = force);
-            all
-        };
-        Ok((times, rows.into_iter().map(spread).collect()))
-    };
-    let done: Result<(Vec<f64>, Vec<Vec<f64>>), String> = read();
-    let (times, forces) = done.and_then(ascending).map_err(|why| format!("{}: {why}", path.display()))?;
-    Ok(Drive::Table(TorqueTable { times, forces }))
+/// The names of the joints with one coordinate, in the order of qd.
+fn names(chain: &Chain) -> Vec<String> {
+    hinges(chain).into_iter().map(|(name, ..)| name).collect()
 }
 
-/// Refuses rows of the same time.
-fn ascending<T>((times, rows): (Vec<f64>, T)) -> Result<(Vec<f64>, T), String> {
-    match times.windows(2).position(|pair| pair[1] <= pair[0]) {
-        Some(k) => Err(format!(
-            "row {}: time {} is not above that of the previous row: times must ascend",
-            k + 2,
-            times[k + 1]
-        )),
-        None => Ok((times, rows)),
+/// Joint forces over time: by joint name, or without names in the order of qd.
+fn torque_table(path: &Path, chain: &Chain) -> Result<Drive, String> {
+    let table = Columns::read(path)?;
+    if !table.has_names() {
+        let wanted: Vec<String> = (0..chain.nv()).map(|v| v.to_string()).collect();
+        let (times, forces) = table.pick(&wanted, true, "joint force")?;
+        return Ok(Drive::Table(TorqueTable { times, forces }));
     }
+    let (times, rows) = table.pick(&names(chain), true, "joint force")?;
+    let spread = |row: Vec<f64>| {
+        let mut all = vec![0.0; chain.nv()];
+        motors(chain).iter().zip(row).for_each(|(motor, force)| all[motor.v] = force);
+        all
+    };
+    Ok(Drive::Table(TorqueTable { times, forces: rows.into_iter().map(spread).collect() }))
 }
 
 /// Positions over time, by joint name.
 fn reference(path: &Path, chain: &Chain) -> Result<Reference, String> {
-    let read = || {
-        let table = Columns::read(path)?;
-        let names: Vec<String> = hinges(chain).into_iter().map(|(name, ..)| name).collect();
-        if !table.has_names() {
-            return Err(format!("the first line must name the columns: time, {}", names.join(", ")));
-        }
-        let (times, rows) = ascending(table.pick(&names, false, "position")?)?;
-        Reference::new(times, &rows).map_err(|e| e.to_string())
-    };
-    read().map_err(|why| format!("{}: {why}", path.display()))
+    let (times, rows) = Columns::named(path, &names(chain))?.pick(&names(chain), true, "position")?;
+    Reference::new(times, &rows).map_err(|e| e.to_string())
 }

@@ -1,11 +1,11 @@
 //! The keys of a scene file for serde; the book documents them (`book/src/reference-scene.md`).
 
-use super::beam::Beam;
-pub(crate) use super::control::{Control, Controller, PerJoint, Target};
+use super::drive::Controller;
 use super::keys::{Loading, Table};
 use super::perturb::Distribution;
 use crate::contact::SeveralLaw;
 use crate::key_group;
+use crate::model::{Spring, WrenchAxes};
 use carom_chain::ToolMotion;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{MapAccess, SeqAccess, Unexpected, Visitor};
@@ -60,64 +60,193 @@ impl File {
     }
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Spring {
-    pub joint: String,
-    #[serde(default)]
-    pub rest: f64,
-    pub stiffness: f64,
-    #[serde(default)]
-    pub damping: f64,
+key_group! {
+    pub(crate) struct Force needs [link] {
+        link: String,
+        point: [f64; 3],
+        axes: WrenchAxes,
+        force: Option<[f64; 3]>,
+        torque: Option<[f64; 3]>,
+        file: Option<PathBuf>,
+    }
+
+    pub(crate) struct Loop needs [joint, first, second] {
+        name: Option<String>,
+        joint: LoopJoint,
+        first: LoopFrame,
+        second: LoopFrame,
+        axis: Option<[f64; 3]>,
+    }
+
+    pub(crate) struct LoopFrame needs [] {
+        link: Option<String>,
+        xyz: [f64; 3],
+        rpy: [f64; 3],
+    }
+
+    pub(crate) struct Place needs [name] {
+        name: String,
+        position: Option<[f64; 3]>,
+        rpy: Option<[f64; 3]>,
+    }
+
+    pub(crate) struct Start needs [] {
+        srdf: Option<PathBuf>,
+        q: Option<Target>,
+        qd: Option<Vec<f64>>,
+        effort: BTreeMap<String, f64>,
+        tip_velocity: Option<TipVelocity>,
+        floating: bool,
+        beam: Vec<Beam>,
+    }
+
+    pub(crate) struct TipVelocity needs [] {
+        velocity: Option<[f64; 3]>,
+        speed: Option<f64>,
+        angle_deg: Option<f64>,
+        along: Option<[f64; 3]>,
+        motion: Tool,
+    }
+
+    pub(crate) struct Beam needs [link, from, to, bends, bending] {
+        link: String,
+        from: [f64; 3],
+        to: [f64; 3],
+        bends: usize,
+        bending: Vec<Bending>,
+        damping: f64,
+    }
+
+    pub(crate) struct Bending needs [axis, stiffness] {
+        axis: [f64; 3],
+        stiffness: f64,
+    }
+
+    pub(crate) struct Motion needs [] {
+        amplitude: Option<[f64; 3]>,
+        /// Hz.
+        frequency: Option<f64>,
+        phase: Option<f64>,
+        velocity: Option<[f64; 3]>,
+        file: Option<PathBuf>,
+    }
+
+    pub(crate) struct Belt needs [] {
+        velocity: Option<[f64; 3]>,
+        angular_velocity: Option<[f64; 3]>,
+        centre: [f64; 3],
+        file: Option<PathBuf>,
+    }
+
+    /// The values of a contact: of `[contact]`, of one surface and of one pair.
+    pub(crate) struct ContactKeys needs [] {
+        law: Option<String>,
+        restitution: Option<f64>,
+        tangential_restitution: Option<f64>,
+        friction: Option<f64>,
+        latch: Option<bool>,
+        compliance: Option<Softness>,
+        relative_stiffness: Option<f64>,
+    }
+
+    /// The other keys of `[contact]`.
+    pub(crate) struct Contact needs [] {
+        limit_restitution: f64,
+        several: SeveralLaw,
+        several_exponent: Option<f64>,
+        links: Links = Links::Pairs(Vec::new()),
+        between_robots: Option<bool>,
+        pair: Vec<Table<(Pair, ContactKeys)>>,
+    }
+
+    /// The contacts with values of their own: those of one link with one surface, or the limits of one joint.
+    pub(crate) struct Pair needs [] {
+        link: Option<String>,
+        surface: Option<String>,
+        joint: Option<String>,
+        disabled: bool,
+    }
+
+    pub(crate) struct Compliance needs [stiffness] {
+        stiffness: f64,
+        force: Option<String>,
+        exponent: Option<f64>,
+        damping: Option<String>,
+        pulls: Option<bool>,
+        slip_speed: Option<f64>,
+        bristle: Option<Bristle>,
+    }
+
+    pub(crate) struct Bristle needs [stiffness, damping] {
+        stiffness: f64,
+        damping: f64,
+    }
+
+    pub(crate) struct Run needs [duration] {
+        duration: f64,
+        tolerance: f64 = 1e-9,
+        gravity: [f64; 3] = [0.0, 0.0, -9.81],
+        sample: Option<f64>,
+        max_step: Option<f64>,
+        zeno_time: Option<f64>,
+        contact_step: f64 = 1e-3,
+        max_events: usize = 100_000,
+        method: Method,
+        model: Model,
+        neglect: Option<f64>,
+        effort_limits: bool,
+        perturb: Option<Perturb>,
+    }
+
+    pub(crate) struct Perturb needs [] {
+        q: Option<PerJoint>,
+        qd: Option<PerJoint>,
+        seed: u64,
+        distribution: Distribution,
+    }
+
+    /// The keys of a controller, of `[run]` or of one `[[robot]]`.
+    pub(crate) struct Control needs [] {
+        controller: Controller,
+        after_impact: Option<Controller>,
+        target: Option<Target>,
+        kp: Option<PerJoint>,
+        kd: Option<PerJoint>,
+        torque: Option<Vec<f64>>,
+        torque_file: Option<PathBuf>,
+        reference: Option<PathBuf>,
+        feed_forward: Option<bool>,
+        gain: Option<f64>,
+        press: Option<f64>,
+        compensate: Option<bool>,
+    }
 }
 
+/// One number for all joints, one for each number of qd (or of the joints that motors can drive), or by joint name.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Force {
-    pub link: String,
-    #[serde(default)]
-    pub point: [f64; 3],
-    #[serde(default)]
-    pub axes: Axes,
-    pub force: Option<[f64; 3]>,
-    pub torque: Option<[f64; 3]>,
-    pub file: Option<PathBuf>,
+#[serde(untagged, expecting = "a number, a list of numbers, or a table of numbers by joint name")]
+pub(crate) enum PerJoint {
+    Same(f64),
+    Each(Vec<f64>),
+    Named(BTreeMap<String, f64>),
 }
 
+/// nq numbers, a table of numbers by joint name, or the name of a pose in the SRDF.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Loop {
-    pub name: Option<String>,
-    pub joint: LoopJoint,
-    pub first: LoopFrame,
-    pub second: LoopFrame,
-    pub axis: Option<[f64; 3]>,
+#[serde(untagged, expecting = "a list of numbers, a table of numbers by joint name, or the name of a pose in the SRDF")]
+pub(crate) enum Target {
+    Each(Vec<f64>),
+    Named(BTreeMap<String, f64>),
+    Pose(String),
 }
 
-#[derive(Deserialize, Clone, Copy)]
+#[derive(Deserialize, Default, Clone, Copy)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum LoopJoint {
+    #[default]
     Point,
     Pin,
     Weld,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct LoopFrame {
-    pub link: Option<String>,
-    #[serde(default)]
-    pub xyz: [f64; 3],
-    #[serde(default)]
-    pub rpy: [f64; 3],
-}
-
-#[derive(Deserialize, Default, PartialEq, Clone, Copy)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum Axes {
-    #[default]
-    World,
-    Body,
 }
 
 /// `[robot]`, or the tables `[[robot]]`.
@@ -134,26 +263,6 @@ pub(crate) struct Member {
     pub start: Start,
     /// Without keys for `[robot]`, whose controller is that of `[run]`.
     pub control: Control,
-}
-
-key_group! {
-    pub(crate) struct Place needs [name] {
-        name: String,
-        position: Option<[f64; 3]>,
-        rpy: Option<[f64; 3]>,
-    }
-}
-
-key_group! {
-    pub(crate) struct Start needs [] {
-        srdf: Option<PathBuf>,
-        q: Option<Target>,
-        qd: Option<Vec<f64>>,
-        effort: BTreeMap<String, f64>,
-        tip_velocity: Option<TipVelocity>,
-        floating: bool,
-        beam: Vec<Beam>,
-    }
 }
 
 /// The keys of one of several robots.
@@ -186,20 +295,13 @@ impl<'de> Deserialize<'de> for Robots {
     }
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct TipVelocity {
-    pub velocity: Option<[f64; 3]>,
-    pub speed: Option<f64>,
-    pub angle_deg: Option<f64>,
-    pub along: Option<[f64; 3]>,
-    #[serde(default, deserialize_with = "tool_motion")]
-    pub motion: ToolMotion,
-}
+#[derive(Default)]
+pub(crate) struct Tool(pub ToolMotion);
 
-fn tool_motion<'de, D: Deserializer<'de>>(from: D) -> Result<ToolMotion, D::Error> {
-    let name = String::deserialize(from)?;
-    ToolMotion::from_name(&name).map_err(serde::de::Error::custom)
+impl<'de> Deserialize<'de> for Tool {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        ToolMotion::from_name(&String::deserialize(from)?).map(Self).map_err(serde::de::Error::custom)
+    }
 }
 
 #[derive(Deserialize)]
@@ -208,7 +310,7 @@ pub(crate) struct Surface {
     pub name: Option<String>,
     pub shape: Shape,
     #[serde(default)]
-    pub contact: Table<ContactKeys>,
+    pub contact: ContactKeys,
     pub motion: Option<Motion>,
     pub belt: Option<Belt>,
 }
@@ -255,72 +357,6 @@ pub(crate) enum Shape {
     },
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Motion {
-    pub amplitude: Option<[f64; 3]>,
-    /// Hz.
-    pub frequency: Option<f64>,
-    pub phase: Option<f64>,
-    pub velocity: Option<[f64; 3]>,
-    pub file: Option<PathBuf>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Belt {
-    pub velocity: Option<[f64; 3]>,
-    pub angular_velocity: Option<[f64; 3]>,
-    #[serde(default)]
-    pub centre: [f64; 3],
-    pub file: Option<PathBuf>,
-}
-
-key_group! {
-    /// The values of a contact: of `[contact]`, of one surface and of one pair.
-    pub(crate) struct ContactKeys needs [] {
-        law: Option<String>,
-        restitution: Option<f64>,
-        tangential_restitution: Option<f64>,
-        friction: Option<f64>,
-        latch: Option<bool>,
-        compliance: Option<Softness>,
-        relative_stiffness: Option<f64>,
-    }
-}
-
-impl ContactKeys {
-    /// Whether any value is given.
-    pub fn is_given(&self) -> bool {
-        let Self { law, restitution, tangential_restitution, friction, latch, compliance, relative_stiffness } = self;
-        let coefficients = [restitution, tangential_restitution, friction, relative_stiffness];
-        let others = law.is_some() || latch.is_some() || compliance.is_some();
-        others || coefficients.into_iter().any(Option::is_some)
-    }
-}
-
-key_group! {
-    /// The other keys of `[contact]`.
-    pub(crate) struct Contact needs [] {
-        limit_restitution: f64,
-        several: SeveralLaw,
-        several_exponent: Option<f64>,
-        links: Links = Links::Pairs(Vec::new()),
-        between_robots: Option<bool>,
-        pair: Vec<Table<(Pair, ContactKeys)>>,
-    }
-}
-
-key_group! {
-    /// The contacts with values of their own: those of one link with one surface, or the limits of one joint.
-    pub(crate) struct Pair needs [] {
-        link: Option<String>,
-        surface: Option<String>,
-        joint: Option<String>,
-        disabled: bool,
-    }
-}
-
 /// The links that may touch each other.
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "a list of pairs of link names, or \"all\"")]
@@ -329,14 +365,13 @@ pub(crate) enum Links {
     All(All),
 }
 
-#[derive(Deserialize, Clone, Copy)]
+#[derive(Deserialize)]
 pub(crate) enum All {
     #[serde(rename = "all")]
     All,
 }
 
 /// The value of `compliance`: `"rigid"`, or a table.
-#[derive(Clone)]
 pub(crate) enum Softness {
     Rigid,
     Compliant(Compliance),
@@ -365,54 +400,6 @@ impl<'de> Visitor<'de> for ReadSoftness {
     fn visit_map<M: MapAccess<'de>>(self, table: M) -> Result<Softness, M::Error> {
         Compliance::deserialize(MapAccessDeserializer::new(table)).map(Softness::Compliant)
     }
-}
-
-#[derive(Deserialize, Clone)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Compliance {
-    pub stiffness: f64,
-    pub force: Option<String>,
-    pub exponent: Option<f64>,
-    pub damping: Option<String>,
-    pub pulls: Option<bool>,
-    pub slip_speed: Option<f64>,
-    pub bristle: Option<Bristle>,
-}
-
-#[derive(Deserialize, Clone, Copy)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Bristle {
-    pub stiffness: f64,
-    pub damping: f64,
-}
-
-key_group! {
-    pub(crate) struct Run needs [duration] {
-        duration: f64,
-        tolerance: f64 = 1e-9,
-        gravity: [f64; 3] = [0.0, 0.0, -9.81],
-        sample: Option<f64>,
-        max_step: Option<f64>,
-        zeno_time: Option<f64>,
-        contact_step: f64 = 1e-3,
-        max_events: usize = 100_000,
-        method: Method,
-        model: Model,
-        neglect: Option<f64>,
-        effort_limits: bool,
-        perturb: Option<Perturb>,
-    }
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Perturb {
-    pub q: Option<PerJoint>,
-    pub qd: Option<PerJoint>,
-    #[serde(default)]
-    pub seed: u64,
-    #[serde(default)]
-    pub distribution: Distribution,
 }
 
 #[derive(Deserialize, Default, PartialEq, Clone, Copy)]

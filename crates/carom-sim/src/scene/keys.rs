@@ -93,19 +93,26 @@ impl Visitor<'_> for Known {
     }
 }
 
-/// Defines a group of keys with their types and defaults; those after `needs` are required.
+/// Defines groups of keys with their types and defaults; those after `needs` are required. Each group also lists the keys that are
+/// given, and is read from a table with its keys and no others.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! key_group {
-    ($(#[$meta:meta])* $vis:vis struct $name:ident needs [$($needed:ident),*] {
+    (@default) => { Default::default() };
+    (@default $default:expr) => { $default };
+    ($($(#[$meta:meta])* $vis:vis struct $name:ident needs [$($needed:ident),*] {
         $($(#[$doc:meta])* $key:ident: $type:ty $(= $default:expr)?,)*
-    }) => {
+    })+) => {$(
         $(#[$meta])*
-        $vis struct $name { $($(#[$doc])* pub $key: $type,)* }
+        $vis struct $name {
+            $($(#[$doc])* pub $key: $type,)*
+            /// The keys that are given.
+            pub given: Vec<&'static str>,
+        }
 
         impl Default for $name {
             fn default() -> Self {
-                Self { $($key: $crate::key_group!(@default $($default)?),)* }
+                Self { $($key: $crate::key_group!(@default $($default)?),)* given: Vec::new() }
             }
         }
 
@@ -120,15 +127,22 @@ macro_rules! key_group {
 
             fn read<'de, A: serde::de::MapAccess<'de>>(&mut self, key: &str, from: &mut A) -> Result<bool, A::Error> {
                 match key {
-                    $(stringify!($key) => self.$key = from.next_value()?,)*
+                    $(stringify!($key) => {
+                        self.$key = from.next_value()?;
+                        self.given.push(stringify!($key));
+                    })*
                     _ => return Ok(false),
                 }
                 Ok(true)
             }
         }
-    };
-    (@default) => { Default::default() };
-    (@default $default:expr) => { $default };
+
+        impl<'de> serde::Deserialize<'de> for $name {
+            fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+                Ok($crate::keys::Table::deserialize(from)?.0)
+            }
+        }
+    )+};
 }
 
 key_group! {

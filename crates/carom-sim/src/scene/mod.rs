@@ -3,7 +3,6 @@
 
 mod beam;
 mod contact;
-mod control;
 mod drive;
 mod file;
 mod force;
@@ -31,7 +30,7 @@ use carom_contact::LeftOut;
 use contact::{apply, between_links, overridden, several, unused};
 use drive::per_joint;
 use file::{File, Method, Model, Shape};
-use force::{spring, wrench};
+use force::wrench;
 use keys::Table;
 use loops::closure;
 use std::collections::HashSet;
@@ -101,7 +100,7 @@ impl Scene {
         let name = path.display().to_string();
         let text = input::read_text(path, input::MOST_MIB)
             .map_err(|e| SimError::Scene { file: name.clone(), rule: format!("cannot be read: {e}") })?;
-        let mut scene = Self::read(&text, name, path.parent().unwrap_or(Path::new(".")))?;
+        let mut scene = Self::read(&text, path.parent().unwrap_or(Path::new("."))).map_err(|e| in_file(name, e))?;
         scene.files.insert(0, path.to_owned());
         Ok(scene)
     }
@@ -111,24 +110,23 @@ impl Scene {
     /// # Errors
     /// As [`Scene::from_file`]; the file of the messages is `<scene>`.
     pub fn from_toml(text: &str, folder: impl AsRef<Path>) -> Result<Self, SimError> {
-        Self::read(text, "<scene>".into(), folder.as_ref())
+        Self::read(text, folder.as_ref()).map_err(|e| in_file("<scene>".into(), e))
     }
 
-    fn read(text: &str, name: String, folder: &Path) -> Result<Self, SimError> {
-        let refuse = |rule: String| SimError::Scene { file: name.clone(), rule };
+    fn read(text: &str, folder: &Path) -> Result<Self, SimError> {
         let file: File = from_toml(text).map_err(refuse)?;
 
         let in_folder = |names: Vec<&PathBuf>| names.into_iter().map(|name| folder.join(name)).collect::<Vec<_>>();
         let (files, package_dirs) = (in_folder(file.tables()), in_folder(file.package_dirs()));
         let places = Places { folder, package_dirs: &package_dirs };
-        let robots = file.robot.load(folder, &refuse)?;
+        let robots = file.robot.load(folder)?;
         let chain = robots.chain.clone();
         let (Table((given, contact)), Table((run, control))) = (&file.contact, &file.run);
-        robots.check_efforts(run.effort_limits).map_err(&refuse)?;
+        robots.check_efforts(run.effort_limits).map_err(refuse)?;
         let rule = overridden(&ContactRule::default(), given).map_err(|why| refuse(format!("[contact] {why}")))?;
         rule.check("[contact]").map_err(|e| refuse(e.to_string()))?;
         let surfaces = file.surface.iter().enumerate();
-        let surfaces = surfaces.map(|(k, it)| surface(places, k, it, &rule).map_err(&refuse));
+        let surfaces = surfaces.map(|(k, it)| surface(places, k, it, &rule).map_err(refuse));
         let surfaces: Vec<Surface> = surfaces.collect::<Result<_, _>>()?;
         let mut names = HashSet::new();
         if let Some(twin) = surfaces.iter().find(|it| !names.insert(it.name.as_str())) {
@@ -138,17 +136,13 @@ impl Scene {
             )));
         }
         let mut q = robots.q.clone();
-        let mut qd = robots.velocities(&surfaces, !file.loops.is_empty(), &refuse)?;
+        let mut qd = robots.velocities(&surfaces, !file.loops.is_empty())?;
 
         let mut warnings: Vec<String> = chain.outside_limits(&q).iter().map(ToString::to_string).collect();
         let full = run.model == Model::Full;
         let limits = contact.limit_restitution;
-        let Touches { mut touches, mut left_out } = if full {
-            Touches { touches: Touch::every(&chain, &surfaces, limits)?, left_out: Vec::new() }
-        } else {
-            Touch::all(&chain, &surfaces, limits)?
-        };
-        let linked = between_links(contact, &chain, &rule, &refuse)?;
+        let Touches { mut touches, mut left_out } = Touch::of(&chain, &surfaces, limits, !full)?;
+        let linked = between_links(contact, &chain, &rule)?;
         touches.extend(linked.touches);
         left_out.extend(linked.left_out);
         for Table((pair, own)) in &contact.pair {
@@ -162,17 +156,18 @@ impl Scene {
         }
         let touches = Touch::divided(touches);
         warnings.extend(unused(&file.contact, &file.surface, &touches));
-        let (drive, after_impact) = robots.drives(folder, control, &surfaces, &qd).map_err(&refuse)?;
-        let springs = file.spring.iter().enumerate().map(|(k, it)| spring(&chain, k, it));
-        let mut springs = springs.collect::<Result<Vec<_>, _>>().map_err(&refuse)?;
-        for spring in robots.springs() {
-            spring.on(&chain).map_err(|e| refuse(format!("[[robot.beam]]: {e}")))?;
-            springs.push(spring);
-        }
+        let (drive, after_impact) = robots.drives(folder, control, &surfaces, &qd).map_err(refuse)?;
+        let own = file.spring.iter().enumerate().map(|(k, it)| (format!("[[spring]] {}", k + 1), it));
+        let springs = own.chain(robots.springs().map(|it| ("[[robot.beam]]".to_owned(), it)));
+        let springs = springs.map(|(table, it)| match it.on(&chain) {
+            Ok(_) => Ok(it.clone()),
+            Err(why) => Err(refuse(format!("{table}: {why}"))),
+        });
+        let springs = springs.collect::<Result<_, _>>()?;
         let wrenches = file.force.iter().enumerate().map(|(k, it)| wrench(folder, &chain, k, it));
-        let wrenches = wrenches.collect::<Result<Vec<_>, _>>().map_err(&refuse)?;
+        let wrenches = wrenches.collect::<Result<Vec<_>, _>>().map_err(refuse)?;
         let loops = file.loops.iter().enumerate().map(|(k, it)| closure(&chain, k, it));
-        let loops = loops.collect::<Result<Vec<_>, _>>().map_err(&refuse)?;
+        let loops = loops.collect::<Result<Vec<_>, _>>().map_err(refuse)?;
         let perturbation = run.perturb.as_ref().map(|given| {
             let size = |key: &str, given: &Option<file::PerJoint>| match given {
                 Some(file::PerJoint::Same(size)) => Ok(vec![*size; chain.nv()]),
@@ -186,12 +181,11 @@ impl Scene {
             }
         });
         let perturbation = perturbation.transpose().map_err(|why| refuse(format!("[run] {why}")))?;
-        warnings.extend(robots.falling([Some(&drive), after_impact.as_ref()]));
         if run.neglect.is_some_and(|share| !(share > 0.0 && share < 1.0)) {
             let share = run.neglect.unwrap_or_default();
             return Err(refuse(format!("[run] neglect = {share}: it must be above 0 and below 1")));
         }
-        let tip = robots.tip().map_err(&refuse)?;
+        let tip = robots.tip().map_err(refuse)?;
         if let Some(sample) = run.sample.filter(|sample| !(*sample > 0.0 && sample.is_finite())) {
             return Err(refuse(format!("[run] sample = {sample}: it must be positive and finite")));
         }
@@ -214,6 +208,7 @@ impl Scene {
             neglect: if full { None } else { run.neglect },
             ..Simulation::new(chain, touches)
         };
+        warnings.extend(robots.falling(&simulation));
         let (start, change) = simulation.close_loops(&q, &qd).map_err(|e| refuse(e.to_string()))?;
         if change > EQUAL {
             let new = format!("q = {:?}, qd = {:?}", start.q, start.qd);
@@ -248,6 +243,19 @@ impl Scene {
             files,
             warnings,
         })
+    }
+}
+
+/// A refusal of the scene, without the name of its file.
+fn refuse(rule: String) -> SimError {
+    SimError::Scene { file: String::new(), rule }
+}
+
+/// An error of the scene in this file.
+fn in_file(file: String, error: SimError) -> SimError {
+    match error {
+        SimError::Scene { rule, .. } => SimError::Scene { file, rule },
+        other => other,
     }
 }
 

@@ -4,10 +4,11 @@ use super::beam::{divided, straight};
 use super::drive::{Drives, World, positions};
 use super::file::{Control, Member, Robots, Target};
 use super::keys::TIP;
+use super::refuse;
 use super::tip_velocity::tip_velocity;
 use crate::contact::Surface;
 use crate::error::SimError;
-use crate::model::{Drive, RobotDrive, Spring};
+use crate::model::{Drive, RobotDrive, Simulation, Spring};
 use carom_chain::urdf::{self, JointType, LoadOptions};
 use carom_chain::{Chain, ChainError, Placed};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -37,11 +38,11 @@ struct One {
 
 impl Robots {
     /// Loads the robots and places them.
-    pub fn load(self, folder: &Path, refuse: &impl Fn(String) -> SimError) -> Result<Loaded, SimError> {
+    pub fn load(self, folder: &Path) -> Result<Loaded, SimError> {
         let named = self.named;
         let robots = self.all.into_iter().map(|it| {
             let name = named.then(|| it.place.name.clone());
-            One::load(folder, it, name, refuse)
+            One::load(folder, it, name)
         });
         let robots = robots.collect::<Result<Vec<_>, _>>()?;
         let [first, ..] = robots.as_slice() else {
@@ -62,12 +63,7 @@ impl Robots {
 }
 
 impl One {
-    fn load(
-        folder: &Path,
-        given: Member,
-        name: Option<String>,
-        refuse: &impl Fn(String) -> SimError,
-    ) -> Result<Self, SimError> {
+    fn load(folder: &Path, given: Member, name: Option<String>) -> Result<Self, SimError> {
         let table = name.as_ref().map_or_else(|| "[robot]".to_owned(), |name| format!("[[robot]] '{name}'"));
         let said = |why: String| refuse(format!("{table} {why}"));
         let (file, options) = given.load.options(folder).map_err(said)?;
@@ -87,12 +83,12 @@ impl One {
         chain.check_dynamics()?;
         let q = start(&chain, &given).map_err(said)?;
         let robot = Self { name, table, chain, q, springs, given };
-        robot.checked(robot.chain.check_state(&robot.q, &vec![0.0; robot.chain.nv()]), refuse)?;
+        robot.checked(robot.chain.check_state(&robot.q, &vec![0.0; robot.chain.nv()]))?;
         Ok(robot)
     }
 
     /// An error of the state, with the name of the robot where there are several.
-    fn checked<T>(&self, done: Result<T, ChainError>, refuse: &impl Fn(String) -> SimError) -> Result<T, SimError> {
+    fn checked<T>(&self, done: Result<T, ChainError>) -> Result<T, SimError> {
         done.map_err(|e| if self.name.is_some() { refuse(format!("{} {e}", self.table)) } else { e.into() })
     }
 
@@ -171,17 +167,12 @@ impl Loaded {
     }
 
     /// The springs of all beams.
-    pub fn springs(&self) -> impl Iterator<Item = Spring> {
-        self.robots.iter().flat_map(|it| it.springs.clone())
+    pub fn springs(&self) -> impl Iterator<Item = &Spring> {
+        self.robots.iter().flat_map(|it| &it.springs)
     }
 
     /// Joint velocities of all robots at the start.
-    pub fn velocities(
-        &self,
-        surfaces: &[Surface],
-        has_loops: bool,
-        refuse: &impl Fn(String) -> SimError,
-    ) -> Result<Vec<f64>, SimError> {
+    pub fn velocities(&self, surfaces: &[Surface], has_loops: bool) -> Result<Vec<f64>, SimError> {
         let (mut all, mut from) = (Vec::with_capacity(self.chain.nv()), 0);
         for robot in &self.robots {
             let nv = robot.chain.nv();
@@ -201,7 +192,7 @@ impl Loaded {
                     found.map_err(|why| refuse(format!("{} {why}", robot.table)))?[from..from + nv].to_vec()
                 }
             };
-            robot.checked(robot.chain.check_state(&robot.q, &own), refuse)?;
+            robot.checked(robot.chain.check_state(&robot.q, &own))?;
             all.extend(own);
             from += nv;
         }
@@ -216,16 +207,16 @@ impl Loaded {
         surfaces: &[Surface],
         qd: &[f64],
     ) -> Result<(Drive, Option<Drive>), String> {
-        let world = World { chain: &self.chain, q: &self.q, qd };
+        let (world, asks, name) = (World { chain: &self.chain, q: &self.q, qd }, "", "");
         let own: Vec<&Control> = self.robots.iter().map(|robot| &robot.given.control).collect();
-        if own.iter().all(|it| **it == Control::default()) {
+        if own.iter().all(|it| it.given.is_empty()) {
             // One controller for everything.
             let tip = self.robots.first().filter(|it| it.name.is_none()).map(|it| it.given.load.tip.as_str());
             let (q, chain) = (&self.q, &self.chain);
-            return Drives { folder, table: "[run]", control: run, chain, q, tip, tip_in_world: tip, surfaces, world }
-                .both();
+            let (table, control, tip_in_world) = ("[run]", run, tip);
+            return Drives { asks, name, folder, table, control, chain, q, tip, tip_in_world, surfaces, world }.both();
         }
-        if *run != Control::default() {
+        if !run.given.is_empty() {
             return Err("[run] has keys of a controller, and so has a [[robot]]: give each robot its own".into());
         }
         let mut drives = Vec::new();
@@ -233,7 +224,8 @@ impl Loaded {
             let One { table, chain, q, given, .. } = robot;
             let full = robot.full(&given.load.tip);
             let (tip, tip_in_world) = (Some(given.load.tip.as_str()), Some(full.as_str()));
-            let both = Drives { folder, table, control, chain, q, tip, tip_in_world, surfaces, world }.both()?;
+            let of = Drives { asks, name, folder, table, control, chain, q, tip, tip_in_world, surfaces, world };
+            let both = of.both()?;
             for drive in std::iter::once(&both.0).chain(&both.1) {
                 drive.check(chain).map_err(|e| format!("{table} {e}"))?;
             }
@@ -267,10 +259,10 @@ impl Loaded {
     }
 
     /// Warnings about gravity compensation, which holds no floating base.
-    pub fn falling(&self, drives: [Option<&Drive>; 2]) -> Vec<String> {
+    pub fn falling(&self, simulation: &Simulation) -> Vec<String> {
         let compensates = |name: Option<&str>| {
-            let each = drives.into_iter().flatten().flat_map(Drive::each_robot);
-            let mut own = each.filter(|(robot, _)| robot.is_none() || *robot == name);
+            let mut own =
+                simulation.drives().flat_map(Drive::each_robot).filter(|(robot, _)| robot.is_none() || *robot == name);
             own.any(|(_, drive)| matches!(drive, Drive::GravityCompensation))
         };
         let falls = |robot: &One| {

@@ -52,7 +52,7 @@ pub(crate) fn surface(
         }
     };
     let obstacle = obstacle.map_err(|e| format!("[[surface]] '{name}': {e}"))?;
-    let contact = overridden(rule, &surface.contact.0).map_err(|why| format!("[[surface]] '{name}': contact {why}"))?;
+    let contact = overridden(rule, &surface.contact).map_err(|why| format!("[[surface]] '{name}': contact {why}"))?;
     contact.check(&format!("[[surface]] '{name}'")).map_err(|e| e.to_string())?;
     let refuse = |why: String| format!("[[surface]] '{name}': {why}");
     let motion = match (&surface.motion, &surface.belt) {
@@ -86,7 +86,7 @@ fn table<const N: usize>(places: Places, file: &Path, columns: [&str; N]) -> Res
 
 /// The motion of a shape: harmonic, or at a velocity.
 fn motion(places: Places, given: &file::Motion) -> Result<SurfaceMotion, String> {
-    let file::Motion { amplitude, frequency, phase, velocity, file } = given;
+    let file::Motion { amplitude, frequency, phase, velocity, file, .. } = given;
     let harmonic = amplitude.is_some() || frequency.is_some() || phase.is_some();
     let finite = |numbers: &[f64]| {
         let fine = numbers.iter().all(|x| x.is_finite());
@@ -112,7 +112,7 @@ fn motion(places: Places, given: &file::Motion) -> Result<SurfaceMotion, String>
 
 /// The velocity of a surface whose shape stays.
 fn belt(places: Places, given: &file::Belt) -> Result<SurfaceMotion, String> {
-    let file::Belt { velocity, angular_velocity, centre, file } = given;
+    let file::Belt { velocity, angular_velocity, centre, file, .. } = given;
     let velocity = match (file, velocity, angular_velocity) {
         (Some(file), None, None) => table(places, file, ["vx", "vy", "vz", "wx", "wy", "wz"])?,
         (None, None, None) => return Err("belt needs velocity, angular_velocity or both, or else file".into()),

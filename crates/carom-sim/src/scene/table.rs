@@ -39,12 +39,20 @@ impl Columns {
         Ok(table)
     }
 
-    /// The times and the numbers of these columns, in this order. Columns of other names are refused; with `optional` missing
-    /// columns are zero. A table without names has the time, then these columns. `what`: the meaning of the numbers, for messages.
+    /// [`Self::read`] of a table whose columns have names, which are among these.
+    pub fn named(path: &Path, wanted: &[String]) -> Result<Self, String> {
+        let table = Self::read(path)?;
+        let unnamed = || format!("the first line must name the columns: time, {}", wanted.join(", "));
+        if table.has_names() { Ok(table) } else { Err(unnamed()) }
+    }
+
+    /// The times and the numbers of these columns, in this order. Columns of other names are refused. With `all` no column may be
+    /// missing and no time may be given twice; without, missing columns are zero. A table without names has the time, then these
+    /// columns. `what`: the meaning of the numbers, for messages.
     ///
     /// # Errors
     /// A message without the name of the file.
-    pub fn pick(self, wanted: &[String], optional: bool, what: &str) -> Result<(Vec<f64>, Vec<Vec<f64>>), String> {
+    pub fn pick(self, wanted: &[String], all: bool, what: &str) -> Result<(Vec<f64>, Vec<Vec<f64>>), String> {
         let Self { names, rows, lines, unit } = self;
         let known = || wanted.join(", ");
         let places: Vec<Option<usize>> = if names.is_empty() {
@@ -63,7 +71,7 @@ impl Columns {
                 return Err("column time is missing: add it, in s".into());
             }
             let missing = wanted.iter().find(|name| !names.contains(name));
-            if let Some(name) = missing.filter(|_| !optional) {
+            if let Some(name) = missing.filter(|_| all) {
                 return Err(format!("column {name} is missing: add it (the columns are time, {})", known()));
             }
             wanted.iter().map(|name| names.iter().position(|own| own == name)).collect()
@@ -86,7 +94,7 @@ impl Columns {
             times.push(row[time]);
             numbers.push(places.iter().map(|place| place.map_or(0.0, |k| row[k])).collect());
             let [.., before, now] = times.as_slice() else { continue };
-            if now < before {
+            if now < before || (all && now == before) {
                 return Err(format!(
                     "{unit} {line}: time {now} is not above that of the previous row: times must ascend"
                 ));

@@ -22,7 +22,7 @@ pub(crate) fn tip_velocity(
     };
     let point = FramePoint::from(chain.frame(link).map_err(say)?);
     let mut workspace = chain.workspace();
-    let found = workspace.update(chain, q).and_then(|mut at| at.tool_velocity(point, velocity, tip.motion));
+    let found = workspace.update(chain, q).and_then(|mut at| at.tool_velocity(point, velocity, tip.motion.0));
     Ok(found.map_err(say)?.as_slice().to_vec())
 }
 
