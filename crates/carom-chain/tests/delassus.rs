@@ -86,17 +86,25 @@ fn direction(s: &mut Sample) -> Vector3<f64> {
     s.vector().normalize()
 }
 
+/// The names of the links that move.
+fn moving(chain: &Chain) -> Vec<String> {
+    chain.frames().iter().filter(|f| f.body.is_some()).map(|f| f.name.clone()).collect()
+}
+
+/// [`agrees`] for a random point, normal and pose, on a link.
+fn agrees_on(s: &mut Sample, link: &str) {
+    let offset = s.vector();
+    let point = s.chain.point(s.chain.frame(link).unwrap(), offset);
+    let (normal, q) = (direction(s), s.q());
+    agrees(&s.chain, point, normal, &q);
+}
+
 #[test]
 fn response_equals_its_definition_on_any_tree() {
     for seed in 0..300 {
         let mut s = sample(1 + seed as usize % 9, Zoo::Uncoupled, seed);
-        let moving: Vec<_> = s.chain.frames().iter().filter(|f| f.body.is_some()).map(|f| f.name.clone()).collect();
-        for name in [moving.first(), moving.last()].into_iter().flatten() {
-            let offset = s.vector();
-            let point = s.chain.point(s.chain.frame(name).unwrap(), offset);
-            let (normal, q) = (direction(&mut s), s.q());
-            agrees(&s.chain, point, normal, &q);
-        }
+        let links = moving(&s.chain);
+        [links.first(), links.last()].into_iter().flatten().for_each(|link| agrees_on(&mut s, link));
     }
 }
 
@@ -115,7 +123,7 @@ fn reused_memory_has_no_stale_values() {
             }
         };
         let (offset, normal, q) = (s.vector(), direction(&mut s), s.q());
-        let moving: Vec<_> = s.chain.frames().iter().filter(|f| f.body.is_some()).map(|f| f.name.clone()).collect();
+        let moving = moving(&s.chain);
         let at = |name: &String| s.chain.contact_point(s.chain.point(s.chain.frame(name).unwrap(), offset)).unwrap();
         let points: Vec<_> = moving.iter().map(at).collect();
         let mut memory = ResponseMemory::default();
@@ -142,11 +150,7 @@ fn response_equals_its_definition_on_trees_of_hinges() {
         let mut robot = robot(4 + seed as usize % 9, Zoo::Uncoupled, &mut rng);
         robot.joints.iter_mut().for_each(|joint| joint.kind = JointType::Revolute);
         let mut s = Sample { chain: Chain::from_robot(robot, &LoadOptions::default()), rng };
-        for frame in s.chain.frames().to_vec().into_iter().filter(|f| f.body.is_some()) {
-            let (offset, normal, q) = (s.vector(), direction(&mut s), s.q());
-            let point = s.chain.point(s.chain.frame(&frame.name).unwrap(), offset);
-            agrees(&s.chain, point, normal, &q);
-        }
+        moving(&s.chain).iter().for_each(|link| agrees_on(&mut s, link));
     }
 }
 
@@ -164,12 +168,7 @@ fn row(hinges: usize, seed: u64) -> Sample {
 fn response_equals_its_definition_on_rows_of_hinges() {
     for seed in 0..100 {
         for hinges in 1..=8 {
-            let mut s = row(hinges, seed);
-            let name = format!("link{hinges}");
-            let offset = s.vector();
-            let point = s.chain.point(s.chain.frame(&name).unwrap(), offset);
-            let (normal, q) = (direction(&mut s), s.q());
-            agrees(&s.chain, point, normal, &q);
+            agrees_on(&mut row(hinges, seed), &format!("link{hinges}"));
         }
     }
 }
@@ -188,10 +187,7 @@ fn response_keeps_its_accuracy_for_nearly_parallel_axes() {
                 joint.origin.rotation = first * about(Vector3::x_axis(), tilt) * last;
             }
             let mut s = Sample { chain: Chain::from_robot(robot, &LoadOptions::default()), rng };
-            let offset = s.vector();
-            let point = s.chain.point(s.chain.frame("link4").unwrap(), offset);
-            let (normal, q) = (direction(&mut s), s.q());
-            agrees(&s.chain, point, normal, &q);
+            agrees_on(&mut s, "link4");
         }
     }
 }
@@ -201,10 +197,11 @@ fn response_equals_its_definition_in_the_plane() {
     for seed in 0..300 {
         let mut s = sample(1 + seed as usize % 9, Zoo::Plane, seed);
         let Ok(flat) = s.chain.to_planar() else { continue };
-        let frames: Vec<_> = flat.chain.frames().iter().filter(|f| f.body.is_some()).map(|f| f.name.clone()).collect();
-        let Some(name) = frames.last() else { continue };
+        let Some(name) = flat.chain.frames().iter().rfind(|f| f.body.is_some()).map(|f| f.name.clone()) else {
+            continue;
+        };
         let offset = s.vector();
-        let point = flat.point(s.chain.frame(name).unwrap(), offset);
+        let point = flat.point(s.chain.frame(&name).unwrap(), offset);
         let q = s.q();
         let normal = Vector2::new(s.vector().x, 1.0).normalize();
         if !flat.chain.is_coupled() {

@@ -4,7 +4,7 @@
 //! operands. Masses differ by a factor of up to 30, and poses are not near singular ones, so results agree to about 1e3·ε of
 //! their largest entry. Solves with M lose accuracy by its condition number (up to about 1e4).
 
-use crate::common::{Sample, Zoo, close, q_rate, sample};
+use crate::common::{Sample, Zoo, close, q_rate, sample, solve};
 use carom_chain::{Chain, Kinematics, Spatial};
 use nalgebra::{DMatrix, DVector, Vector3};
 use num_dual::Dual64;
@@ -468,15 +468,4 @@ fn quaternions_stay_unit_over_a_million_steps() {
     let once = chain.integrate(&chain.zero_configuration(), &qd, 1000.0).unwrap();
     let apart = chain.difference(&once, &q).unwrap();
     assert!(apart.iter().all(|x| x.abs() < 1e-8), "{apart:?}");
-}
-
-/// M⁻¹b.
-fn solve(
-    kin: &mut carom_chain::Kinematics<carom_chain::Spatial<f64>>,
-    b: &[f64],
-) -> Result<nalgebra::DVector<f64>, carom_chain::ChainError> {
-    let (mut rows, mut responses) = (carom_chain::Rows::new(b.len()), carom_chain::Rows::default());
-    rows.add().copy_from_slice(b);
-    kin.respond(&rows, &mut responses)?;
-    Ok(nalgebra::DVector::from_column_slice(responses.row(0)))
 }

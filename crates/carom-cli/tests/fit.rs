@@ -1,44 +1,11 @@
 //! Tests of `carom fit` as a process: the three kinds of data, the output, refusals with their messages.
 
-use carom_testing::files::Folder;
+use crate::command_line::desk::{Desk, Ran, number};
 use serde_json::{Value, json};
-use std::process::Command;
-
-/// A folder of its own for each test, removed when the test ends.
-struct Desk(Folder);
 
 impl Desk {
-    fn new() -> Self {
-        let folder = Folder::new();
-        for robot in ["robots/box.urdf", "robots/planar2.urdf"] {
-            folder.copy(robot);
-        }
-        Self(folder)
-    }
-
     fn lines(&self, file: &str, lines: &[Value]) {
-        let text: Vec<String> = lines.iter().map(|line| format!("{line}\n")).collect();
-        std::fs::write(self.0.join(file), text.concat()).unwrap();
-    }
-
-    /// Exit status, standard output, standard error.
-    fn run(&self, args: &str) -> (Option<i32>, String, String) {
-        let mut carom = Command::new(env!("CARGO_BIN_EXE_carom"));
-        let ran = carom.args(args.split_whitespace()).current_dir(&self.0).output().unwrap();
-        let text = |bytes| String::from_utf8(bytes).unwrap();
-        (ran.status.code(), text(ran.stdout), text(ran.stderr))
-    }
-
-    #[track_caller]
-    fn answer(&self, args: &str) -> Value {
-        let (code, out, err) = self.run(args);
-        assert_eq!(code, Some(0), "{err}");
-        serde_json::from_str(&out).unwrap()
-    }
-
-    #[track_caller]
-    fn refused(&self, args: &str, message: &str) {
-        assert_eq!(self.run(args), (Some(1), String::new(), format!("error: {message}\n")));
+        self.write(file, lines.iter().map(|line| format!("{line}\n")).collect::<String>());
     }
 }
 
@@ -53,17 +20,13 @@ fn jumps() -> Vec<Value> {
     (0..8).map(|k| jump([0.3 * f64::from(k) - 1.0, -1.0 - 0.1 * f64::from(k)])).collect()
 }
 
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap()
-}
-
 #[test]
 fn fit_to_exact_jumps_recovers_the_coefficients() {
     let desk = Desk::new();
     desk.lines("jumps.jsonl", &jumps());
-    let all = desk.answer("fit --velocities jumps.jsonl --json");
+    let all = desk.one("fit --velocities jumps.jsonl --json");
     assert_eq!((&all["train"]["count"], &all["test"]), (&json!(8), &Value::Null), "all impacts are fitted");
-    let fit = desk.answer("fit --velocities jumps.jsonl --train 0.5 --json");
+    let fit = desk.one("fit --velocities jumps.jsonl --train 0.5 --json");
     assert_eq!(fit["fitted_to"], "velocities");
     assert_eq!((&fit["train"]["count"], &fit["test"]["count"]), (&json!(4), &json!(4)));
     let coefficients = fit["coefficients"].as_array().unwrap();
@@ -73,12 +36,12 @@ fn fit_to_exact_jumps_recovers_the_coefficients() {
         assert!((number(&coefficient["value"]) - truth).abs() < 1e-6, "{coefficient}");
     }
     assert_eq!(fit["each"].as_array().unwrap().len(), 8);
-    assert_eq!(fit, desk.answer("fit --velocities jumps.jsonl --train 0.5 --json"), "two runs give the same answer");
-    let (code, out, err) = desk.run("fit --velocities jumps.jsonl --train 0.5");
+    assert_eq!(fit, desk.one("fit --velocities jumps.jsonl --train 0.5 --json"), "two runs give the same answer");
+    let Ran { code, out, err } = desk.run("fit --velocities jumps.jsonl --train 0.5");
     assert_eq!((code, err.as_str()), (Some(0), ""), "the progress bar is shown on a terminal only");
     let kept = "velocities of 4 impacts (4 kept for the test, seed 0), law energetic, loss huber";
     assert!(out.starts_with(kept) && out.contains("\ntest "), "{out}");
-    let (_, out, _) = desk.run("fit --velocities jumps.jsonl");
+    let Ran { out, .. } = desk.run("fit --velocities jumps.jsonl");
     assert!(out.starts_with("velocities of 8 impacts, law energetic, loss huber") && !out.contains("\ntest "), "{out}");
     assert!(out.contains("note: fitted to velocities"), "{out}");
 }
@@ -95,7 +58,7 @@ fn the_table_of_all_laws_has_their_fits() {
     let problems: Vec<Value> = (0..12).map(problem).collect();
     desk.lines("problems.jsonl", &problems);
     let law = "law --law poisson --restitution 0.55 --friction 0.2 --problems problems.jsonl --json";
-    let (code, out, err) = desk.run(law);
+    let Ran { code, out, err } = desk.run(law);
     assert_eq!(code, Some(0), "{err}");
     let jump = |(problem, line): (&Value, &str)| {
         let hit: Value = serde_json::from_str(line).unwrap();
@@ -103,7 +66,7 @@ fn the_table_of_all_laws_has_their_fits() {
     };
     desk.lines("jumps.jsonl", &problems.iter().zip(out.lines()).map(jump).collect::<Vec<_>>());
     for train in ["", " --train 0.5"] {
-        let all = desk.answer(&format!("fit --velocities jumps.jsonl --law all{train} --json"));
+        let all = desk.one(&format!("fit --velocities jumps.jsonl --law all{train} --json"));
         let fits = all["fits"].as_array().unwrap();
         assert_eq!((fits.len(), &fits[0]["law"]), (8, &json!("poisson")), "{all}");
         let part = if train.is_empty() { "train" } else { "test" };
@@ -111,11 +74,11 @@ fn the_table_of_all_laws_has_their_fits() {
         assert!(error(&fits[0]) < 1e-9 && fits.is_sorted_by(|a, b| error(a) <= error(b)), "{all}");
         for fit in fits {
             let law = fit["law"].as_str().unwrap();
-            assert_eq!(*fit, desk.answer(&format!("fit --velocities jumps.jsonl --law {law}{train} --json")));
+            assert_eq!(*fit, desk.one(&format!("fit --velocities jumps.jsonl --law {law}{train} --json")));
             let names = fit["coefficients"].as_array().unwrap().len();
             assert_eq!(names, if law == "frictionless" { 1 } else { 2 }, "{law}");
         }
-        let (_, out, _) = desk.run(&format!("fit --velocities jumps.jsonl --law all{train}"));
+        let Ran { out, .. } = desk.run(&format!("fit --velocities jumps.jsonl --law all{train}"));
         let laws: Vec<&str> = out.lines().skip(2).map(|line| line.split_whitespace().next().unwrap()).collect();
         assert_eq!(laws, fits.iter().map(|fit| fit["law"].as_str().unwrap()).collect::<Vec<_>>(), "{out}");
         assert!(out.lines().nth(2).unwrap().starts_with("poisson          0.5500 (0.55"), "{out}");
@@ -133,7 +96,7 @@ fn fit_to_joint_velocities_recovers_the_coefficients() {
     let states: Vec<Value> = (0..10).map(state).collect();
     desk.lines("states.jsonl", &states);
     let strike = "impact planar2.urdf --tip tip --normal -1,0,0 --law energetic --restitution 0.4 --friction 0.15";
-    let (code, out, err) = desk.run(&format!("{strike} --json --states states.jsonl"));
+    let Ran { code, out, err } = desk.run(&format!("{strike} --json --states states.jsonl"));
     assert_eq!(code, Some(0), "{err}");
     let hits: Vec<Value> = out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(hits.len(), 10, "{err}");
@@ -142,8 +105,7 @@ fn fit_to_joint_velocities_recovers_the_coefficients() {
         struck.map(|(s, hit)| json!({"q": s["q"], "qd_minus": s["qd"], "qd_plus": hit["qd_plus"]})).collect();
     assert!(jumps.len() >= 4, "{}", jumps.len());
     desk.lines("jumps.jsonl", &jumps);
-    let fit =
-        desk.answer("fit --velocities jumps.jsonl --robot planar2.urdf --tip tip --normal -1,0,0 --train 1 --json");
+    let fit = desk.one("fit --velocities jumps.jsonl --robot planar2.urdf --tip tip --normal -1,0,0 --train 1 --json");
     let values: Vec<f64> = fit["coefficients"].as_array().unwrap().iter().map(|c| number(&c["value"])).collect();
     assert!((values[0] - 0.4).abs() < 1e-6 && (values[1] - 0.15).abs() < 1e-6, "{values:?}");
     // With two joints and a contact in the plane some impulse gives any velocity jump.
@@ -156,7 +118,7 @@ fn fit_to_joint_velocities_recovers_the_coefficients() {
     desk.lines("short.jsonl", &short.collect::<Vec<_>>());
     for file in ["answers.jsonl", "short.jsonl"] {
         let args = format!("fit --velocities {file} --robot planar2.urdf --tip tip --normal -1,0,0 --train 1 --json");
-        assert_eq!(desk.answer(&args), fit, "{file}");
+        assert_eq!(desk.one(&args), fit, "{file}");
     }
     desk.lines("bare.jsonl", &[json!({"law": "newton", "qd_plus": [0, 0]})]);
     let rule = "the answer of `carom impact` needs the keys q, qd_minus and qd_plus";
@@ -182,7 +144,7 @@ fn fit_to_flights_of_a_box_recovers_the_coefficients() {
     };
     let lines: Vec<Value> = (0..5).map(|k| line(1.0 + 0.2 * f64::from(k), 2.0)).collect();
     desk.lines("flights.jsonl", &lines);
-    let fit = desk.answer("fit --flights flights.jsonl --robot box.urdf --floating --tip box --train 1 --json");
+    let fit = desk.one("fit --flights flights.jsonl --robot box.urdf --floating --tip box --train 1 --json");
     assert_eq!(fit["flights"]["joined"], 5);
     let values: Vec<f64> = fit["coefficients"].as_array().unwrap().iter().map(|c| number(&c["value"])).collect();
     // The contact point is the centre of mass, so friction acts as on a particle.
@@ -208,7 +170,7 @@ fn a_comparison_writes_tables_pictures_and_json() {
     let data = desk.0.join("data/particle");
     std::fs::create_dir_all(&data).unwrap();
     std::fs::write(data.join("impacts_odd.csv"), impacts(20)).unwrap();
-    let found = desk.answer("compare data --folds 4 --out out --json");
+    let found = desk.one("compare data --folds 4 --out out --json");
     let one = &found["comparisons"][0];
     let rows = one["rows"].as_array().unwrap();
     let constant: Vec<&Value> = rows.iter().filter(|row| row["effects"].as_array().is_none_or(Vec::is_empty)).collect();
@@ -226,7 +188,7 @@ fn a_comparison_writes_tables_pictures_and_json() {
     for file in ["particle.md", "particle.svg", "summary.md", "compare.json"] {
         assert!(desk.0.join("out").join(file).is_file(), "{file}");
     }
-    let (code, out, err) = desk.run("compare data/particle/impacts_odd.csv --folds 4");
+    let Ran { code, out, err } = desk.run("compare data/particle/impacts_odd.csv --folds 4");
     assert_eq!((code, err.as_str()), (Some(0), ""));
     assert!(out.starts_with("# Summary") && out.contains("| impacts_odd |"), "{out}");
     let rule = "it holds no data set: a folder needs tosses.csv with a URDF, a CSV table with the columns pre_vx … of single impacts, or \
@@ -248,7 +210,7 @@ fn own_impacts(desk: &Desk) {
     let states: Vec<Value> = (0..30).map(state).collect();
     desk.lines("states.jsonl", &states);
     let strike = "impact planar2.urdf --tip tip --normal -1,0,0 --law poisson --restitution 0.4 --friction 0.15";
-    let (code, out, err) = desk.run(&format!("{strike} --json --states states.jsonl"));
+    let Ran { code, out, err } = desk.run(&format!("{strike} --json --states states.jsonl"));
     assert_eq!(code, Some(0), "{err}");
     let hits = out.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
     let (mut lines, mut table) =
@@ -265,7 +227,7 @@ fn own_impacts(desk: &Desk) {
     }
     assert!(lines.len() >= 20, "{}", lines.len());
     desk.lines("own.jsonl", &lines);
-    std::fs::write(desk.0.join("own.csv"), table).unwrap();
+    desk.write("own.csv", table);
 }
 
 const AT: &str = "--robot planar2.urdf --tip tip --normal -1,0,0";
@@ -275,7 +237,7 @@ fn tables_of_impacts_are_read_by_the_names_of_their_columns() {
     let desk = Desk::new();
     own_impacts(&desk);
     let fit = |file: &str| {
-        let fit = desk.answer(&format!("fit --velocities {file} {AT} --law poisson --json"));
+        let fit = desk.one(&format!("fit --velocities {file} {AT} --law poisson --json"));
         assert_eq!(fit["train"]["count"], 30);
         fit["coefficients"].as_array().unwrap().iter().map(|c| number(&c["value"])).collect::<Vec<_>>()
     };
@@ -283,12 +245,12 @@ fn tables_of_impacts_are_read_by_the_names_of_their_columns() {
     let off: f64 = fit("own.csv").iter().zip(fit("own.jsonl")).map(|(a, b)| (a - b).abs()).sum();
     assert!(off < 1e-9, "{off}");
     let table = std::fs::read_to_string(desk.0.join("own.csv")).unwrap();
-    std::fs::write(desk.0.join("less.csv"), table.replace("q.elbow", "angle")).unwrap();
+    desk.write("less.csv", table.replace("q.elbow", "angle"));
     let columns = "time, qd_plus.elbow, qd_minus.shoulder, angle, q.shoulder, qd_plus.shoulder, qd.elbow";
     let refusal = format!("less.csv: there is no column 'q.elbow': the columns are {columns}");
     desk.refused(&format!("fit --velocities less.csv {AT}"), &refusal);
-    std::fs::write(desk.0.join("odd.csv"), table.replacen("\n0.1,", "\n0.1,x", 1)).unwrap();
-    let (_, _, err) = desk.run(&format!("fit --velocities odd.csv {AT}"));
+    desk.write("odd.csv", table.replacen("\n0.1,", "\n0.1,x", 1));
+    let Ran { err, .. } = desk.run(&format!("fit --velocities odd.csv {AT}"));
     assert!(
         err.starts_with("error: odd.csv:2: column qd_plus.elbow: 'x") && err.ends_with("is not a finite number\n"),
         "{err}"
@@ -301,7 +263,7 @@ fn tables_of_impacts_are_read_by_the_names_of_their_columns() {
 fn laws_are_compared_on_own_impacts() {
     let desk = Desk::new();
     own_impacts(&desk);
-    let found = desk.answer(&format!("compare own.jsonl {AT} --folds 4 --json"));
+    let found = desk.one(&format!("compare own.jsonl {AT} --folds 4 --json"));
     let one = &found["comparisons"][0];
     let rows = one["rows"].as_array().unwrap();
     let constant: Vec<&Value> = rows.iter().filter(|row| row["effects"].as_array().is_none_or(Vec::is_empty)).collect();
@@ -322,13 +284,13 @@ fn laws_are_compared_on_own_impacts() {
         }
     }
     assert!(number(&one["bound"]["mean"]) < 1e-9, "some impulse gives any jump of two joints");
-    let table = &desk.answer(&format!("compare own.csv {AT} --folds 4 --json"))["comparisons"][0];
+    let table = &desk.one(&format!("compare own.csv {AT} --folds 4 --json"))["comparisons"][0];
     assert_eq!((&table["folds"], &table["rows"][0]["law"]), (&one["folds"], &one["rows"][0]["law"]));
-    let (code, out, err) = desk.run(&format!("compare own.jsonl {AT} --folds 4"));
+    let Ran { code, out, err } = desk.run(&format!("compare own.jsonl {AT} --folds 4"));
     assert_eq!((code, err.as_str()), (Some(0), ""));
     assert!(out.starts_with("# own\n") && LAWS.iter().all(|law| out.contains(&format!("\n| {law} | e 0."))), "{out}");
     std::fs::create_dir(desk.0.join("data")).unwrap();
-    std::fs::write(desk.0.join("data/odd.csv"), impacts(20)).unwrap();
+    desk.write("data/odd.csv", impacts(20));
     let rule = "they belong to your own impacts, and none of the data are: give JSON lines (.jsonl), or a CSV table with the columns \
                 q.<joint>, qd_minus.<joint>, qd_plus.<joint>";
     desk.refused(&format!("compare data {AT}"), &format!("--robot, --tip: {rule}"));
@@ -390,16 +352,16 @@ fn data_that_cannot_be_fitted_are_refused() {
         "jumps.jsonl: confidence is 1: it must be at least 0.5 and below 1",
     );
     let text = r#"{"delassus":[[1,0],[0,1]],"u_minus":[0,-1],"u_plus":[0,NaN]}"#;
-    std::fs::write(desk.0.join("nan.jsonl"), text).unwrap();
-    let (code, out, err) = desk.run("fit --velocities nan.jsonl");
+    desk.write("nan.jsonl", text);
+    let Ran { code, out, err } = desk.run("fit --velocities nan.jsonl");
     assert_eq!((code, out.as_str()), (Some(1), ""));
     assert!(err.starts_with("error: nan.jsonl:1: expected value at column "), "{err}");
     for missing in ["--velocities", "--flights"] {
-        let (code, out, err) = desk.run(&format!("fit {missing} none --robot box.urdf --floating"));
+        let Ran { code, out, err } = desk.run(&format!("fit {missing} none --robot box.urdf --floating"));
         assert_eq!((code, out.as_str()), (Some(1), ""));
         assert!(err.starts_with("error: none: cannot be read: "), "{err}");
     }
-    let (code, out, err) = desk.run("fit --tosses none");
+    let Ran { code, out, err } = desk.run("fit --tosses none");
     assert_eq!((code, out.as_str()), (Some(1), ""));
     assert!(err.starts_with("error: none: cannot be read: "), "{err}");
     for (args, words) in [
@@ -407,7 +369,7 @@ fn data_that_cannot_be_fitted_are_refused() {
         ("fit --velocities a --tosses b", "cannot be used with"),
         ("fit --velocities jumps.jsonl --law hertz", "invalid value 'hertz' for '--law <LAW>'"),
     ] {
-        let (code, _, err) = desk.run(args);
+        let Ran { code, err, .. } = desk.run(args);
         assert_eq!(code, Some(2), "{err}");
         assert!(err.contains(words), "{err}");
     }

@@ -1,47 +1,27 @@
 //! Tests of `carom map` as a process: rows that agree with `carom impact`, refusals that name file, key, value and rule, and
 //! interruptions.
 
-use carom_testing::files::Folder;
-use serde_json::{Value, json};
+use crate::command_line::desk::{Desk, Ran, finish, refused};
+use serde_json::json;
 use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
+use std::process::Command;
 use std::time::Duration;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
-/// A folder of its own for each test, removed when the test ends.
-struct Desk(Folder);
-
 impl Desk {
-    fn new() -> Self {
-        let folder = Folder::new();
-        folder.copy("robots/planar2.urdf");
-        Self(folder)
-    }
-
     fn study(&self, change: impl Fn(&str) -> String) {
-        std::fs::write(self.0.join("s.toml"), change(STUDY)).unwrap();
+        self.write("s.toml", change(STUDY));
     }
 
-    fn command(&self, args: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_carom"));
-        command.args(args.split_whitespace()).current_dir(&self.0);
-        command
-    }
-
-    fn run(&self, args: &str) -> Output {
-        self.command(args).output().unwrap()
-    }
-
+    /// Checks the message of a study in which the first `old` is `new`.
     #[track_caller]
-    fn refused(&self, old: &str, new: &str, message: &str) {
+    fn refuses_study(&self, old: &str, new: &str, message: &str) {
         assert!(STUDY.contains(old), "the study has no {old}");
         self.study(|text| text.replacen(old, new, 1));
-        let ran = self.run("map s.toml --out x.csv");
-        let said = String::from_utf8(ran.stderr).unwrap();
-        assert_eq!((ran.status.code(), said.trim_end()), (Some(1), format!("error: s.toml: {message}").as_str()));
-        assert!(ran.stdout.is_empty());
-        assert_eq!(std::fs::read_dir(&self.0).unwrap().count(), 2, "only the robot and the study are there");
+        let before = self.files("");
+        refused(self.run("map s.toml --out x.csv"), &format!("s.toml: {message}"));
+        assert_eq!(self.files(""), before, "nothing is written");
     }
 }
 
@@ -71,9 +51,7 @@ quantities = ["tangential_after", "impulse", "qd_minus", "qd_plus", "mode_margin
 fn rows_of_a_map_agree_with_carom_impact() {
     let desk = Desk::new();
     desk.study(str::to_owned);
-    let ran = desk.run("map s.toml --out m.csv --json");
-    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
-    let summary: Value = serde_json::from_slice(&ran.stdout).unwrap();
+    let summary = desk.one("map s.toml --out m.csv --json");
     assert_eq!((&summary["rows"], &summary["out"]), (&json!(84), &json!("m.csv")));
     let text = std::fs::read_to_string(desk.0.join("m.csv")).unwrap();
     let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
@@ -86,12 +64,9 @@ fn rows_of_a_map_agree_with_carom_impact() {
     let pair = |row: &[&str], name: &str| ["shoulder", "elbow"].map(|joint| number(row, &format!("{name}.{joint}")));
     let states: String =
         rows.iter().map(|row| json!({"q": pair(row, "q"), "qd": pair(row, "qd_minus")}).to_string() + "\n").collect();
-    std::fs::write(desk.0.join("states.jsonl"), states).unwrap();
-    let single = desk.run(
-        "impact planar2.urdf --tip tip --normal -1,0,0 --law energetic --restitution 0.35 --friction 0.2 --derivatives --states states.jsonl --json",
-    );
-    let answers: Vec<Value> =
-        String::from_utf8(single.stdout).unwrap().lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+    let single =
+        "impact planar2.urdf --tip tip --normal -1,0,0 --law energetic --restitution 0.35 --friction 0.2 --derivatives";
+    let answers = desk.answers(&format!("{single} --states - --json"), &states);
     assert_eq!(answers.len(), 84);
     for (row, answer) in rows.iter().zip(&answers) {
         let theirs = |key: &str, k: usize| answer[key][k].as_f64().unwrap();
@@ -135,7 +110,7 @@ fn invalid_studies_are_refused_with_file_key_value_and_rule() {
         ("\"impulse\"", "\"impulse\", \"impulse\"", "[map] quantities holds \"impulse\" twice".into()),
         ("count = 7", "count = 9223372036854775807", "the map has 2⁶⁴ rows or more: give the axes fewer values".into()),
     ] {
-        desk.refused(old, new, &message);
+        desk.refuses_study(old, new, &message);
     }
 }
 
@@ -143,7 +118,7 @@ fn invalid_studies_are_refused_with_file_key_value_and_rule() {
 fn an_unknown_quantity_is_refused_with_the_nearest_name() {
     let desk = Desk::new();
     desk.study(|text| text.replace("\"impulse\"", "\"impulses\""));
-    let said = String::from_utf8(desk.run("map s.toml --out x.csv").stderr).unwrap();
+    let said = desk.run("map s.toml --out x.csv").err;
     assert!(said.starts_with(
         "error: s.toml: [map] quantities holds \"impulses\": did you mean \"impulse\"? Known names: mode"
     ));
@@ -153,6 +128,7 @@ fn an_unknown_quantity_is_refused_with_the_nearest_name() {
 fn invalid_shards_and_threads_are_usage_errors() {
     let desk = Desk::new();
     desk.study(str::to_owned);
+    let before = desk.files("");
     for args in [
         "--out x.csv --shard 0/3",
         "--out x.csv --shard 4/3",
@@ -160,10 +136,10 @@ fn invalid_shards_and_threads_are_usage_errors() {
         "--shard 1/3",
         "--out x.csv --threads 0",
     ] {
-        assert_eq!(desk.run(&format!("map s.toml {args}")).status.code(), Some(2), "{args}");
+        assert_eq!(desk.run(&format!("map s.toml {args}")).code, Some(2), "{args}");
     }
-    assert_eq!(desk.run("map s.toml --out x.txt").status.code(), Some(1));
-    assert_eq!(std::fs::read_dir(&desk.0).unwrap().count(), 2);
+    assert_eq!(desk.run("map s.toml --out x.txt").code, Some(1));
+    assert_eq!(desk.files(""), before);
 }
 
 /// Ctrl-C leaves a complete table of the rows that are done and names it; `--resume` gives the bytes of an uninterrupted run.
@@ -174,12 +150,7 @@ fn an_interrupted_map_is_resumed_to_the_same_bytes() {
     // The map has eight groups of rows; the first is written while the third is computed, so the interruption comes early.
     desk.study(|text| text.replace("count = 7", "count = 512").replace("count = 6", "count = 512"));
     for name in ["m.parquet", "m.csv"] {
-        let mut child = desk
-            .command(&format!("map s.toml --out {name} --threads 1"))
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+        let mut child = desk.command(&format!("map s.toml --out {name} --threads 1")).spawn().unwrap();
         let part = desk.0.join(format!("{name}.part"));
         // wait for the first bytes
         while std::fs::metadata(&part).map_or(true, |m| m.len() < 10_000) {
@@ -188,16 +159,15 @@ fn an_interrupted_map_is_resumed_to_the_same_bytes() {
         }
         let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
         assert!(kill.success());
-        let ended = child.wait_with_output().unwrap();
-        let said = String::from_utf8(ended.stderr).unwrap();
-        assert_eq!(ended.status.code(), Some(1), "{said}");
+        let Ran { code, err: said, .. } = finish(child, b"");
+        assert_eq!(code, Some(1), "{said}");
         let partial = name.replace("m.", "m.partial.");
         assert!(said.starts_with("error: interrupted after ") && said.contains(&partial), "{said}");
         assert!(!desk.0.join(name).exists() && !part.exists());
         let resumed = desk.run(&format!("map s.toml --out {name} --resume"));
-        assert!(resumed.status.success(), "{}", String::from_utf8_lossy(&resumed.stderr));
+        assert_eq!(resumed.code, Some(0), "{resumed:?}");
         let bytes = std::fs::read(desk.0.join(name)).unwrap();
-        assert!(desk.run(&format!("map s.toml --out {name} --threads 2")).status.success());
+        assert!(desk.run(&format!("map s.toml --out {name} --threads 2")).code == Some(0));
         assert!(bytes == std::fs::read(desk.0.join(name)).unwrap(), "{name}");
         assert!(!desk.0.join(partial).exists());
     }
@@ -211,7 +181,7 @@ fn parts_made_by_the_recipes_of_the_book_are_the_whole_map() {
     let desk = Desk::new();
     desk.study(|text| text.replace("count = 7", "count = 40"));
     std::fs::rename(desk.0.join("s.toml"), desk.0.join("study.toml")).unwrap();
-    assert!(desk.run("map study.toml --out whole.csv").status.success());
+    assert!(desk.run("map study.toml --out whole.csv").code == Some(0));
     let whole = std::fs::read_to_string(desk.0.join("whole.csv")).unwrap();
     let book = std::fs::read_to_string(format!("{ROOT}/book/src/task-impact-maps.md")).unwrap();
     let recipe = |holds: &str| {
@@ -268,7 +238,7 @@ fn a_map_that_does_not_fit_on_the_disk_is_resumed_to_the_same_bytes() {
     for (name, count) in [("m.parquet", 512), ("m.csv", 256)] {
         let count = format!("count = {count}");
         desk.study(|text| text.replace("count = 7", &count).replace("count = 6", &count));
-        assert!(desk.run(&format!("map s.toml --out {name}")).status.success());
+        assert!(desk.run(&format!("map s.toml --out {name}")).code == Some(0));
         let whole = std::fs::read(desk.0.join(name)).unwrap();
         std::fs::remove_file(desk.0.join(name)).unwrap();
         let partial = name.replace("m.", "m.partial.");
@@ -290,18 +260,11 @@ fn a_map_that_does_not_fit_on_the_disk_is_resumed_to_the_same_bytes() {
             let rows: u64 = rows.parse().unwrap();
             assert!(rows >= kept && rows > 0 && rows < 512 * 512 * 2, "{rows} rows after {kept}");
             kept = rows;
-            let left: Vec<String> = std::fs::read_dir(&desk.0)
-                .unwrap()
-                .map(|file| file.unwrap().file_name().into_string().unwrap())
-                .filter(|file| file.starts_with("m."))
-                .collect();
-            assert!(
-                left.len() == 2 && left.contains(&partial) && left.contains(&format!("{partial}.json")),
-                "{left:?}"
-            );
+            let left: Vec<String> = desk.files("").into_iter().filter(|file| file.starts_with("m.")).collect();
+            assert_eq!(left, [partial.clone(), format!("{partial}.json")]);
         }
         let resumed = desk.run(&format!("map s.toml --out {name} --resume"));
-        assert!(resumed.status.success(), "{}", String::from_utf8_lossy(&resumed.stderr));
+        assert_eq!(resumed.code, Some(0), "{resumed:?}");
         assert!(whole == std::fs::read(desk.0.join(name)).unwrap(), "{name}");
         std::fs::remove_file(desk.0.join(name)).unwrap();
         assert!(!desk.0.join(partial).exists());

@@ -5,6 +5,7 @@
 //! | [`build`] | robots from parts, as URDF or as chains |
 //! | [`files`] | robots and scenes of the repository, folders of a test |
 //! | `mechanisms` | linkages with closed loops (feature `sim`) |
+//! | [`tables`] | tables of cases as text |
 //! | `scenes` | surfaces, laws and simulations (feature `sim`) |
 
 pub mod build;
@@ -13,3 +14,4 @@ pub mod files;
 pub mod mechanisms;
 #[cfg(feature = "sim")]
 pub mod scenes;
+pub mod tables;

@@ -171,3 +171,14 @@ pub fn close<'a>(
         assert!((x - y).abs() <= relative * scale, "{name}[{i}]: {x} against {y}, scale {scale}");
     }
 }
+
+/// M⁻¹b.
+pub fn solve(
+    kin: &mut carom_chain::Kinematics<carom_chain::Spatial<f64>>,
+    b: &[f64],
+) -> Result<nalgebra::DVector<f64>, carom_chain::ChainError> {
+    let (mut rows, mut responses) = (carom_chain::Rows::new(b.len()), carom_chain::Rows::default());
+    rows.add().copy_from_slice(b);
+    kin.respond(&rows, &mut responses)?;
+    Ok(nalgebra::DVector::from_column_slice(responses.row(0)))
+}

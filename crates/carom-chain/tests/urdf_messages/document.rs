@@ -4,93 +4,71 @@ use crate::urdf_messages::texts::*;
 
 #[test]
 fn documents_that_are_not_urdf_are_refused() {
-    refused(&[
-        (
-            "<robot".into(),
-            "<string>:1: XML: is not well-formed: the document does not have a root node; correct the file",
-        ),
+    refused(
+        r#"
+        <robot
+            <string>:1: XML: is not well-formed: the document does not have a root node; correct the file
+        <robot name='r'>\n<link name='a'>\n</robot>
+            <string>:3: XML: is not well-formed: expected 'link' tag, not 'robot' at 3:1; correct the file
+        <sdf/>
+            <string>:1: <sdf>: the file is SDF, not URDF: convert it to URDF first
+        <mujoco/>
+            <string>:1: <mujoco>: the file is MJCF, the format of MuJoCo, not URDF: convert it to URDF first
+        <html/>
+            <string>:1: <html>: the outermost element of a URDF is <robot>: give a URDF file
+        <robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"><xacro:macro name="m"/></robot>
+            <string>:1: robot 'r' <macro>: the file is xacro, not URDF: expand it with xacro first
+        <robot name="r"><xacro:macro name="m"/></robot>
+            <string>:1: XML: is not well-formed: an unknown namespace prefix 'xacro' at 1:18; expand it with xacro first
+        robot: <link name="${side}_arm"/>
+            <string>:1: link '${side}_arm': the file is xacro, not URDF: expand it with xacro first
+        robot:
+            <string>:1: robot 'r': has no link: a robot needs at least one <link name="...">
+    "#,
+    );
+    refused_texts(&[
         ("".into(), "<string>:1: XML: is not well-formed: the document does not have a root node; correct the file"),
-        (
-            "<robot name='r'>\n<link name='a'>\n</robot>".into(),
-            "<string>:3: XML: is not well-formed: expected 'link' tag, not 'robot' at 3:1; correct the file",
-        ),
-        ("<sdf/>".into(), "<string>:1: <sdf>: the file is SDF, not URDF: convert it to URDF first"),
-        (
-            "<mujoco/>".into(),
-            "<string>:1: <mujoco>: the file is MJCF, the format of MuJoCo, not URDF: convert it to URDF first",
-        ),
-        ("<html/>".into(), "<string>:1: <html>: the outermost element of a URDF is <robot>: give a URDF file"),
-        (
-            r#"<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"><xacro:macro name="m"/></robot>"#.into(),
-            "<string>:1: robot 'r' <macro>: the file is xacro, not URDF: expand it with xacro first",
-        ),
-        (
-            r#"<robot name="r"><xacro:macro name="m"/></robot>"#.into(),
-            "<string>:1: XML: is not well-formed: an unknown namespace prefix 'xacro' at 1:18; expand it with xacro first",
-        ),
-        (
-            robot(r#"<link name="${side}_arm"/>"#),
-            "<string>:1: link '${side}_arm': the file is xacro, not URDF: expand it with xacro first",
-        ),
         (
             robot(r#"<link name="a"/>"#).replace("</", "<x:arm xmlns:x='http://ros.org/wiki/xacro'/></"),
             "<string>:1: robot 'r' <arm>: the file is xacro, not URDF: expand it with xacro first",
         ),
-        (robot(""), r#"<string>:1: robot 'r': has no link: a robot needs at least one <link name="...">"#),
     ]);
 }
 
 #[test]
 fn missing_and_repeated_names_and_elements_are_refused() {
-    refused(&[
-        (robot("<link/>"), "<string>:1: <link>: the attribute name is missing: add it"),
-        (robot(r#"<link name=""/>"#), r#"<string>:1: <link name>: "" is empty: a name is needed"#),
-        (
-            robot("<link name='a'/>\n<link name='a'/>"),
-            "<string>:2: link 'a': the name is already used on line 1: names must be unique; rename one of the two",
-        ),
-        (
-            joined("<joint type='fixed'><parent link='a'/><child link='b'/></joint>"),
-            "<string>:1: <joint>: the attribute name is missing: add it",
-        ),
-        (
-            joined("<joint name='j'><parent link='a'/><child link='b'/></joint>"),
-            "<string>:1: joint 'j': the attribute type is missing: add it",
-        ),
-        (
-            joined("<joint name='j' type='fixed'><child link='b'/></joint>"),
-            "<string>:1: joint 'j': <parent> is missing: add it",
-        ),
-        (
-            joined("<joint name='j' type='fixed'><parent link='a'/></joint>"),
-            "<string>:1: joint 'j': <child> is missing: add it",
-        ),
-        (
-            joined("<joint name='j' type='fixed'><parent/><child link='b'/></joint>"),
-            "<string>:1: joint 'j' <parent>: the attribute link is missing: add it",
-        ),
-        (
-            joint("fixed", "<child link='b'/>"),
-            "<string>:1: joint 'j': has 2 <child>, at most one is allowed: remove the others",
-        ),
-        (
-            joint("hinge", ""),
-            r#"<string>:1: joint 'j': type "hinge" is not supported: use revolute, continuous, prismatic, fixed, floating or planar"#,
-        ),
-        (
-            joint("spherical", ""),
-            r#"<string>:1: joint 'j': type "spherical" is not supported: use revolute, continuous, prismatic, fixed, floating or planar"#,
-        ),
-        (
-            robot("<link name='a'><inertial><inertia/></inertial></link>"),
-            "<string>:1: link 'a' <inertial>: <mass> is missing: add it",
-        ),
-        (robot("<link name='a'><inertial/></link>"), "<string>:1: link 'a' <inertial>: <mass> is missing: add it"),
-        (
-            robot("<link name='a'><collision/></link>"),
-            "<string>:1: link 'a' <collision>: <geometry> is missing: add it",
-        ),
-    ]);
+    refused(
+        r#"
+        robot: <link/>
+            <string>:1: <link>: the attribute name is missing: add it
+        robot: <link name=""/>
+            <string>:1: <link name>: "" is empty: a name is needed
+        robot: <link name='a'/>\n<link name='a'/>
+            <string>:2: link 'a': the name is already used on line 1: names must be unique; rename one of the two
+        joined: <joint type='fixed'><parent link='a'/><child link='b'/></joint>
+            <string>:1: <joint>: the attribute name is missing: add it
+        joined: <joint name='j'><parent link='a'/><child link='b'/></joint>
+            <string>:1: joint 'j': the attribute type is missing: add it
+        joined: <joint name='j' type='fixed'><child link='b'/></joint>
+            <string>:1: joint 'j': <parent> is missing: add it
+        joined: <joint name='j' type='fixed'><parent link='a'/></joint>
+            <string>:1: joint 'j': <child> is missing: add it
+        joined: <joint name='j' type='fixed'><parent/><child link='b'/></joint>
+            <string>:1: joint 'j' <parent>: the attribute link is missing: add it
+        joint fixed: <child link='b'/>
+            <string>:1: joint 'j': has 2 <child>, at most one is allowed: remove the others
+        joint hinge:
+            <string>:1: joint 'j': type "hinge" is not supported: use revolute, continuous, prismatic, fixed, floating or planar
+        joint spherical:
+            <string>:1: joint 'j': type "spherical" is not supported: use revolute, continuous, prismatic, fixed, floating or planar
+        robot: <link name='a'><inertial><inertia/></inertial></link>
+            <string>:1: link 'a' <inertial>: <mass> is missing: add it
+        robot: <link name='a'><inertial/></link>
+            <string>:1: link 'a' <inertial>: <mass> is missing: add it
+        robot: <link name='a'><collision/></link>
+            <string>:1: link 'a' <collision>: <geometry> is missing: add it
+    "#,
+    );
 }
 
 #[test]
@@ -99,7 +77,7 @@ fn links_that_do_not_form_one_tree_are_refused() {
         format!("<joint name='{name}' type='fixed'><parent link='{parent}'/><child link='{child}'/></joint>\n")
     };
     let links = |names: &[&str]| names.iter().map(|name| format!("<link name='{name}'/>\n")).collect::<String>();
-    refused(&[
+    refused_texts(&[
         (
             robot(&(links(&["upper_arm", "hand"]) + &join("j", "uper_arm", "hand"))),
             "<string>:3: joint 'j' <parent link>: no link is named 'uper_arm': did you mean 'upper_arm'?",
@@ -147,10 +125,18 @@ fn links_that_do_not_form_one_tree_are_refused() {
 
 #[test]
 fn unused_elements_and_attributes_are_listed_in_warnings() {
-    warned(&[
-        ("<robot><link name='a'/></robot>".into(), &["<robot> (line 1): has no name; 'unnamed' is used"]),
-        (
-            "<robot name='r' xmlns:x='x'>
+    warned(
+        r"
+        <robot><link name='a'/></robot>
+            <robot> (line 1): has no name; 'unnamed' is used
+        joint continuous: <safety_controller/><calibration/><limit jerk='1'/>
+            <limit jerk> (line 1) is not used: it is unknown
+            <calibration> (line 1) is not used
+            <safety_controller> (line 1) is not used
+    ",
+    );
+    warned_texts(&[(
+        "<robot name='r' xmlns:x='x'>
               <link name='a'>
                 <visual><geometry/></visual><visual/>
                 <collision><origin xzy='1 0 0'/><geometry><sphere radius='1'/></geometry><verbose/></collision>
@@ -162,26 +148,17 @@ fn unused_elements_and_attributes_are_listed_in_warnings() {
               <gazebo><x:link x:name='b'/></gazebo>
               <x:link name='b'/>
             </robot>"
-                .into(),
-            &[
-                "<origin xzy> (line 4) is not used: it is unknown",
-                "<gazebo> (line 10) is not used",
-                "<material> (line 6) is not used",
-                "<transmission> (3 times, first on line 7) is not used",
-                "<verbose> (line 4) is not used",
-                "<visual> (2 times, first on line 3) is not used",
-                "<x:link> (line 11) is not used",
-            ],
-        ),
-        (
-            joint("continuous", "<safety_controller/><calibration/><limit jerk='1'/>"),
-            &[
-                "<limit jerk> (line 1) is not used: it is unknown",
-                "<calibration> (line 1) is not used",
-                "<safety_controller> (line 1) is not used",
-            ],
-        ),
-    ]);
+            .into(),
+        &[
+            "<origin xzy> (line 4) is not used: it is unknown",
+            "<gazebo> (line 10) is not used",
+            "<material> (line 6) is not used",
+            "<transmission> (3 times, first on line 7) is not used",
+            "<verbose> (line 4) is not used",
+            "<visual> (2 times, first on line 3) is not used",
+            "<x:link> (line 11) is not used",
+        ],
+    )]);
 }
 
 #[test]
@@ -214,7 +191,7 @@ fn long_chains_and_deeply_nested_documents_are_read() {
 
     // the same chain, closed to a loop
     inside += "<joint name='j0' type='fixed'><parent link='l3000'/><child link='l0'/></joint>";
-    refused(&[(
+    refused_texts(&[(
         robot(&inside),
         "<string>:1: link 'l0': links 'l0', 'l1', 'l2', 'l3', 'l4' and 2996 more form a loop: a robot is a tree, so make one of them the child of another link, or the root",
     )]);

@@ -59,7 +59,7 @@ fn elements_with_many_attributes_are_refused_at_once() {
         robot(&format!("\n<link name='a'{attributes}/>"))
     };
     assert_eq!(read(&many(99)).unwrap().links.len(), 1);
-    refused(&[(
+    refused_texts(&[(
         many(200_000),
         "<string>:2: XML: an element has more than 100 attributes, the limit: remove those that are not used",
     )]);
@@ -103,7 +103,7 @@ fn undeclared_prefixes_are_warnings() {
             "XML (line {line}): the prefix '{prefix}' is not declared; read as declared: add xmlns:{prefix}=\"…\" to the outermost element"
         )
     };
-    strictly_refused(&[(text.into(), &[&said("sensor", 5), &said("x", 5)])]);
+    strictly_refused_texts(&[(text.into(), &[&said("sensor", 5), &said("x", 5)])]);
     assert_eq!(read(text).unwrap().report.unused, ["<gazebo> (line 5) is not used"]);
     // Positions are those of the file.
     let odd = joint("continuous", "<axis xyz='0 0 2'/>").replace("</robot>", "<p:q/></robot>");
@@ -120,7 +120,7 @@ fn undeclared_prefixes_are_warnings() {
 #[test]
 fn negative_moments_are_rounding_relative_to_the_mass_and_the_reach_of_the_robot() {
     let link = |moments: &str| moving("1.26", moments).replace("<mass", "<origin xyz='0.3 0 -0.4'/><mass");
-    strictly_refused(&[
+    strictly_refused_texts(&[
         (
             link("-2.5e-18 -2.5e-18 1e-18 0"),
             &[

@@ -22,43 +22,23 @@ fn of_b(text: &str) -> Option<Inertial> {
 
 #[test]
 fn inertias_that_no_body_has_are_warnings_if_no_moment_is_negative() {
-    strictly_refused(&[
-        (
-            moving("1", "0.1 0.2 0.30001 0"),
-            &[
-                "link 'b' <inertial> (line 1): principal moments 0.1, 0.2 and 0.30001 kg m²: the greatest exceeds the sum of the other two by the fraction 3.3e-5 of itself, accepted as rounding",
-            ],
-        ),
-        (
-            moving("1", "0.1 0.2 0.4 0"),
-            &[
-                "link 'b' <inertial> (line 1): principal moments 0.1, 0.2 and 0.4 kg m²: 0.1 + 0.2 = 0.3 is less than 0.4, but no principal moment of a body exceeds the sum of the other two; used as they are, since the mass matrix stays positive",
-            ],
-        ),
-        (
-            moving("2", "1 1 -1e-10 0"),
-            &[
-                "link 'b' <inertial> (line 1): principal moments -1e-10, 1 and 1 kg m²: a negative one is accepted as rounding and read as 0",
-            ],
-        ),
-        (
-            moving("0", "1 1 1 0"),
-            &[
-                "link 'b' <inertial> (line 1): the mass is 0 and <inertia> is not; read as rotational inertia without mass",
-            ],
-        ),
-        (
-            on_b(&inertial("0", "0 0 0 0"), "fixed"),
-            &["link 'b' <inertial> (line 1): mass and inertia are zero; read as without <inertial>"],
-        ),
-        (
-            moving("2", "0 0 -2.4e-35 0"),
-            &[
-                "link 'b' <inertial> (line 1): principal moments -2.4e-35, 0 and 0 kg m²: a negative one is accepted as rounding and read as 0",
-            ],
-        ),
-    ]);
-    warned(&[(moving("1", "0.1 0.2 0.3 0"), &[])]);
+    strictly_refused(
+        r"
+        moving 1: 0.1 0.2 0.30001 0
+            link 'b' <inertial> (line 1): principal moments 0.1, 0.2 and 0.30001 kg m²: the greatest exceeds the sum of the other two by the fraction 3.3e-5 of itself, accepted as rounding
+        moving 1: 0.1 0.2 0.4 0
+            link 'b' <inertial> (line 1): principal moments 0.1, 0.2 and 0.4 kg m²: 0.1 + 0.2 = 0.3 is less than 0.4, but no principal moment of a body exceeds the sum of the other two; used as they are, since the mass matrix stays positive
+        moving 2: 1 1 -1e-10 0
+            link 'b' <inertial> (line 1): principal moments -1e-10, 1 and 1 kg m²: a negative one is accepted as rounding and read as 0
+        moving 0: 1 1 1 0
+            link 'b' <inertial> (line 1): the mass is 0 and <inertia> is not; read as rotational inertia without mass
+        fixed 0: 0 0 0 0
+            link 'b' <inertial> (line 1): mass and inertia are zero; read as without <inertial>
+        moving 2: 0 0 -2.4e-35 0
+            link 'b' <inertial> (line 1): principal moments -2.4e-35, 0 and 0 kg m²: a negative one is accepted as rounding and read as 0
+    ",
+    );
+    warned_texts(&[(moving("1", "0.1 0.2 0.3 0"), &[])]);
     let given = of_b(&moving("1", "0.1 0.2 0.4 0")).unwrap().inertia_at_com;
     assert_eq!(given, Matrix3::from_diagonal(&Vector3::new(0.1, 0.2, 0.4)), "used as it is");
     assert_eq!(of_b(&moving("2", "1 1 -1e-10 0")).unwrap().inertia_at_com[(2, 2)], 0.0);
@@ -70,25 +50,19 @@ fn inertias_that_no_body_has_are_warnings_if_no_moment_is_negative() {
 #[test]
 fn rounding_of_the_eigenvalues_is_no_warning() {
     let text = moving("1", "0 1 1 0").replace("<mass", "<origin rpy='0.3 0.2 0.1'/><mass");
-    warned(&[(text, &[]), (moving("1", "0.5 1.5 2 0.5"), &[])]);
+    warned_texts(&[(text, &[]), (moving("1", "0.5 1.5 2 0.5"), &[])]);
 }
 
 #[test]
 fn links_that_never_move_need_no_possible_inertia_and_their_mass_counts() {
-    strictly_refused(&[
-        (
-            on_b(&inertial("-1", "1 1 1 0"), "fixed"),
-            &[
-                "link 'b' <mass> (line 1): -1 kg is negative: the mass of a body must be positive; not used, since the link never moves",
-            ],
-        ),
-        (
-            on_b(&inertial("3", "1 1 1 2"), "fixed"),
-            &[
-                "link 'b' <inertia> (line 1): principal moments -1, 1 and 3 kg m²: none may be negative; not used, since the link never moves",
-            ],
-        ),
-    ]);
+    strictly_refused(
+        r"
+        fixed -1: 1 1 1 0
+            link 'b' <mass> (line 1): -1 kg is negative: the mass of a body must be positive; not used, since the link never moves
+        fixed 3: 1 1 1 2
+            link 'b' <inertia> (line 1): principal moments -1, 1 and 3 kg m²: none may be negative; not used, since the link never moves
+    ",
+    );
     assert_eq!(of_b(&on_b(&inertial("-1", "1 1 1 0"), "fixed")), None);
     let kept = of_b(&on_b(&inertial("3", "1 1 1 2"), "fixed")).unwrap();
     assert_eq!((kept.mass, kept.inertia_at_com), (3.0, Matrix3::zeros()));
@@ -108,7 +82,7 @@ fn a_negative_moment_is_a_warning_if_its_rigid_body_has_none() {
             inertial("1", "-1.5 1 3 0")
         ))
     };
-    strictly_refused(&[(
+    strictly_refused_texts(&[(
         text(1.1, "fixed"),
         &[
             "link 'c' <inertia> (line 1): principal moments -1.5, 1 and 3 kg m²: none may be negative; used as they are, since the rigid body of this link and the links fixed to it has none",
@@ -120,55 +94,42 @@ fn a_negative_moment_is_a_warning_if_its_rigid_body_has_none() {
     let exact = 1.0 - 1.5 + 1.1 * 1.1;
     assert!((moment - exact).abs() < 1e-15, "about the axis of j, through b: {moment}");
     let rule = "<string>:1: link 'c' <inertia>: principal moments -1.5, 1 and 3 kg m²: none may be negative; check signs and the terms ixy, ixz, iyz, or raise them to the nearest possible ones: --repair (LoadOptions::repair)";
-    refused(&[(text(0.9, "fixed"), rule), (text(1.1, "continuous"), rule)]);
+    refused_texts(&[(text(0.9, "fixed"), rule), (text(1.1, "continuous"), rule)]);
 }
 
 #[test]
 fn missing_and_miscounted_numbers_with_a_default_are_warnings() {
     let origin = |text: &str| joint("fixed", &format!("<origin {text}/>"));
     let without = |name: &str| moving("1", "1 1 1 0").replace(&format!(" {name}=\"0\""), "");
-    strictly_refused(&[
-        (
-            origin("xyz='0 1'"),
-            &[r#"joint 'j' <origin xyz> (line 1): "0 1" contains 2 numbers, 3 are needed; read as 0 0 0"#],
-        ),
-        (origin("rpy=''"), &[r#"joint 'j' <origin rpy> (line 1): "" contains 0 numbers, 3 are needed; read as 0 0 0"#]),
-        (
-            joint("continuous", "<axis xyz='0 0 1 0'/>"),
-            &[r#"joint 'j' <axis xyz> (line 1): "0 0 1 0" contains 4 numbers, 3 are needed; read as 1 0 0"#],
-        ),
-        (joint("continuous", "<axis/>"), &["<axis> without xyz (line 1): read as 1 0 0"]),
-        (
-            joint("continuous", "<dynamics damping='1 2'/>"),
-            &[r#"joint 'j' <dynamics damping> (line 1): "1 2" contains 2 numbers, 1 is needed; read as 0"#],
-        ),
-        (
-            star(&[("continuous", ""), ("continuous", "<mimic joint='j0' multiplier='' offset='1 2'/>")]),
-            &[
-                r#"joint 'j1' <mimic multiplier> (line 3): "" contains 0 numbers, 1 is needed; read as 1"#,
-                r#"joint 'j1' <mimic offset> (line 3): "1 2" contains 2 numbers, 1 is needed; read as 0"#,
-            ],
-        ),
-        (
-            joint("revolute", "<limit lower='1 2' upper='3' effort='1' velocity='1'/>"),
-            &[r#"joint 'j' <limit lower> (line 1): "1 2" contains 2 numbers, 1 is needed; read as 0"#],
-        ),
+    strictly_refused(
+        r#"
+        joint fixed: <origin xyz='0 1'/>
+            joint 'j' <origin xyz> (line 1): "0 1" contains 2 numbers, 3 are needed; read as 0 0 0
+        joint fixed: <origin rpy=''/>
+            joint 'j' <origin rpy> (line 1): "" contains 0 numbers, 3 are needed; read as 0 0 0
+        joint continuous: <axis xyz='0 0 1 0'/>
+            joint 'j' <axis xyz> (line 1): "0 0 1 0" contains 4 numbers, 3 are needed; read as 1 0 0
+        joint continuous: <axis/>
+            <axis> without xyz (line 1): read as 1 0 0
+        joint continuous: <dynamics damping='1 2'/>
+            joint 'j' <dynamics damping> (line 1): "1 2" contains 2 numbers, 1 is needed; read as 0
+        star: continuous | continuous <mimic joint='j0' multiplier='' offset='1 2'/>
+            joint 'j1' <mimic multiplier> (line 3): "" contains 0 numbers, 1 is needed; read as 1
+            joint 'j1' <mimic offset> (line 3): "1 2" contains 2 numbers, 1 is needed; read as 0
+        joint revolute: <limit lower='1 2' upper='3' effort='1' velocity='1'/>
+            joint 'j' <limit lower> (line 1): "1 2" contains 2 numbers, 1 is needed; read as 0
+        star: revolute <limit lower='-1' upper='1'/> | prismatic <limit upper='1' lower='0' effort='2'/>
+            <limit> without effort (line 2): read as no limit
+            <limit> without velocity (2 times, first on line 2): read as no limit
+    "#,
+    );
+    strictly_refused_texts(&[
         (without("ixz"), &["<inertia> without ixz (line 1): read as 0"]),
         (without("iyz"), &["<inertia> without iyz (line 1): read as 0"]),
         (without("ixy"), &["<inertia> without ixy (line 1): read as 0"]),
         (
             on_b("<inertial><mass value='2'/><origin xyz='0 1 0'/></inertial>", "continuous"),
             &["<inertial> without <inertia> (line 1): read as zero: the mass is a point"],
-        ),
-        (
-            star(&[
-                ("revolute", "<limit lower='-1' upper='1'/>"),
-                ("prismatic", "<limit upper='1' lower='0' effort='2'/>"),
-            ]),
-            &[
-                "<limit> without effort (line 2): read as no limit",
-                "<limit> without velocity (2 times, first on line 2): read as no limit",
-            ],
         ),
     ]);
     let axis = |inside| read(&joint("continuous", inside)).unwrap().joints[0].axis;
@@ -185,19 +146,15 @@ fn missing_and_miscounted_numbers_with_a_default_are_warnings() {
 #[test]
 fn crossed_limits_are_read_as_no_limits() {
     let both = |lower: &str| format!("<limit {lower} upper='-2' effort='3' velocity='4'/>");
-    strictly_refused(&[
-        (
-            joint("prismatic", &both("lower='2'")),
-            &["joint 'j' <limit> (line 1): lower 2 is greater than upper -2; read as without position limits"],
-        ),
-        (
-            joint("prismatic", &both("")),
-            &[
-                "joint 'j' <limit> (line 1): lower is missing; read as 0, its default in URDF",
-                "joint 'j' <limit> (line 1): lower 0 is greater than upper -2; read as without position limits",
-            ],
-        ),
-    ]);
+    strictly_refused(
+        r"
+        joint prismatic: <limit lower='2' upper='-2' effort='3' velocity='4'/>
+            joint 'j' <limit> (line 1): lower 2 is greater than upper -2; read as without position limits
+        joint prismatic: <limit  upper='-2' effort='3' velocity='4'/>
+            joint 'j' <limit> (line 1): lower is missing; read as 0, its default in URDF
+            joint 'j' <limit> (line 1): lower 0 is greater than upper -2; read as without position limits
+    ",
+    );
     let limits = read(&joint("prismatic", &both("lower='2'"))).unwrap().joints[0].limits;
     assert_eq!([limits.lower, limits.upper, limits.effort, limits.velocity], [None, None, Some(3.0), Some(4.0)]);
 }
@@ -213,7 +170,7 @@ fn shapes_without_size_or_of_unknown_kinds_are_left_out() {
         ("<capsule radius='1' length='0'/>", "length"),
         ("<mesh filename='m.stl' scale='1 1 0'/>", "scale"),
     ] {
-        strictly_refused(&[(shape(inside), &[&left_out(name)])]);
+        strictly_refused_texts(&[(shape(inside), &[&left_out(name)])]);
         assert!(read(&shape(inside)).unwrap().links[0].collisions.is_empty(), "{inside}");
     }
     // the shapes beside one that is left out keep their poses
@@ -221,7 +178,7 @@ fn shapes_without_size_or_of_unknown_kinds_are_left_out() {
         "<link name='a'><collision name='p'><geometry><plane normal='0 0 1'/></geometry></collision>
         <collision name='q'><origin xyz='1 2 3'/><geometry><sphere radius='1'/></geometry></collision></link>",
     );
-    strictly_refused(&[(
+    strictly_refused_texts(&[(
         two.clone(),
         &[
             "link 'a' <collision> (line 1): the collision is left out, since it has no shape that is supported",
@@ -236,8 +193,8 @@ fn shapes_without_size_or_of_unknown_kinds_are_left_out() {
 #[test]
 fn misspelt_version_of_the_declaration_is_a_warning() {
     let text = format!("<?xml verison=\"1.0\"?>\n{}", joint("continuous", ""));
-    strictly_refused(&[(text, &["XML (line 1): \"verison\" in the declaration is read as \"version\""])]);
-    refused(&[(
+    strictly_refused_texts(&[(text, &["XML (line 1): \"verison\" in the declaration is read as \"version\""])]);
+    refused_texts(&[(
         "<?xml verzion='1.0'?><robot/>".into(),
         "<string>:1: XML: is not well-formed: expected 'version' at 1:7; correct the file",
     )]);
@@ -247,7 +204,7 @@ fn misspelt_version_of_the_declaration_is_a_warning() {
 fn unknown_elements_are_warnings_and_unused_ones_are_not_refused_by_strict() {
     let text =
         joint("continuous", "<gear/><safety_controller/>").replace("</robot>", "<material/><e:x xmlns:e='e'/></robot>");
-    strictly_refused(&[(text.clone(), &["<gear> (line 1) is not used: it is unknown"])]);
+    strictly_refused_texts(&[(text.clone(), &["<gear> (line 1) is not used: it is unknown"])]);
     let report = read(&text).unwrap().report;
     let unused =
         ["<e:x> (line 1) is not used", "<material> (line 1) is not used", "<safety_controller> (line 1) is not used"];
@@ -262,13 +219,13 @@ fn xacro_definitions_that_are_not_called_are_not_used() {
         "</robot>",
         "<x:property xmlns:x='http://ros.org/wiki/xacro' name='p' value='${q}'/><gazebo><a b='${c}'/></gazebo></robot>",
     );
-    warned(&[(text, &["<gazebo> (line 1) is not used", "<x:property> (line 1) is not used"])]);
+    warned_texts(&[(text, &["<gazebo> (line 1) is not used", "<x:property> (line 1) is not used"])]);
 }
 
 #[test]
 fn mimic_of_a_fixed_joint_is_a_warning() {
     let text = star(&[("continuous", ""), ("fixed", "<mimic joint='j0'/>")]);
-    strictly_refused(&[(text.clone(), &["joint 'j1' <mimic> (line 3): a fixed joint does not move; not used"])]);
+    strictly_refused_texts(&[(text.clone(), &["joint 'j1' <mimic> (line 3): a fixed joint does not move; not used"])]);
     assert_eq!(Chain::from_urdf_str(&text, &Default::default()).unwrap().nv(), 1);
 }
 

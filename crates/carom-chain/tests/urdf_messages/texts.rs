@@ -2,6 +2,7 @@
 
 use carom_chain::ChainError;
 use carom_chain::urdf::{self, LoadOptions, Robot};
+use carom_testing::tables::{blocks, cases};
 
 pub const INERTIAL: &str =
     r#"<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>"#;
@@ -70,8 +71,43 @@ pub fn read(text: &str) -> Result<Robot, ChainError> {
     urdf::read_str(text, None, &LoadOptions::default())
 }
 
+/// The text of a case of a table: that of the function which its line names, as in `joint KIND: INSIDE`, or the line itself.
+fn built(line: &str) -> String {
+    let (head, rest) = line.split_once(':').map_or((line, ""), |(head, rest)| (head, rest.trim_start()));
+    match head.split_once(' ').unwrap_or((head, "")) {
+        ("moving", mass) => moving(mass, rest),
+        ("fixed", mass) => on_b(&inertial(mass, rest), "fixed"),
+        ("joint", kind) => joint(kind, rest),
+        ("joined", "") => joined(rest),
+        ("robot", "") => robot(rest),
+        ("shape", "") => shape(rest),
+        ("star", "") => {
+            star(&rest.split(" | ").map(|one| one.split_once(' ').unwrap_or((one, ""))).collect::<Vec<_>>())
+        }
+        _ => line.to_owned(),
+    }
+}
+
+/// Checks the messages of a table of texts.
 #[track_caller]
-pub fn refused(cases: &[(String, &str)]) {
+pub fn refused(table: &str) {
+    cases(table).into_iter().for_each(|(text, message)| refused_texts(&[(built(text), message)]));
+}
+
+/// Checks the warnings of a table of texts, or that there are none.
+#[track_caller]
+pub fn warned(table: &str) {
+    blocks(table).into_iter().for_each(|(text, warnings)| warned_texts(&[(built(text), &warnings)]));
+}
+
+/// [`strictly_refused_texts`] of a table.
+#[track_caller]
+pub fn strictly_refused(table: &str) {
+    blocks(table).into_iter().for_each(|(text, warnings)| strictly_refused_texts(&[(built(text), &warnings)]));
+}
+
+#[track_caller]
+pub fn refused_texts(cases: &[(String, &str)]) {
     for (text, message) in cases {
         match read(text) {
             Err(error) => assert_eq!(error.to_string(), *message, "\n{text:.2000}"),
@@ -81,7 +117,7 @@ pub fn refused(cases: &[(String, &str)]) {
 }
 
 #[track_caller]
-pub fn warned(cases: &[(String, &[&str])]) {
+pub fn warned_texts(cases: &[(String, &[&str])]) {
     for (text, warnings) in cases {
         let report = read(text).unwrap().report;
         assert_eq!([report.warnings, report.unused].concat(), *warnings, "\n{text}");
@@ -91,7 +127,7 @@ pub fn warned(cases: &[(String, &[&str])]) {
 
 /// Texts that load with exactly these warnings, and that `strict` refuses with the first of them.
 #[track_caller]
-pub fn strictly_refused(cases: &[(String, &[&str])]) {
+pub fn strictly_refused_texts(cases: &[(String, &[&str])]) {
     for (text, warnings) in cases {
         let report = read(text).unwrap_or_else(|e| panic!("{e}\n{text}")).report;
         assert_eq!(report.warnings, *warnings, "\n{text}");

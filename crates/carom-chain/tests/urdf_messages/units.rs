@@ -39,13 +39,13 @@ fn lengths_angles_and_moments_in_si_units_are_no_warnings() {
         arm("0.5", "0 15.7", "0", "0.01").replace("mass value='1'", "mass value='1e-6'"),
         arm("99", "-3 3", "0", "1000"),
     ] {
-        warned(&[(text, &[])]);
+        warned_texts(&[(text, &[])]);
     }
 }
 
 #[test]
 fn angles_in_degrees_are_warned_of() {
-    strictly_refused(&[
+    strictly_refused_texts(&[
         (
             arm("0.5", "-170 170", "1.5708", "0.01"),
             &[
@@ -70,7 +70,7 @@ fn angles_in_degrees_are_warned_of() {
 /// The place of the first joint in the world may be far.
 #[test]
 fn lengths_in_millimetres_are_warned_of_in_links_that_move() {
-    strictly_refused(&[(
+    strictly_refused_texts(&[(
         arm("500", "-3 3", "0", "0.01"),
         &[
             "joint 'k' <origin xyz> (line 7): lies 500 m from the origin of the link: lengths are in m; 1 mm is 0.001 m (the greatest of 3 such lengths)",
@@ -81,8 +81,8 @@ fn lengths_in_millimetres_are_warned_of_in_links_that_move() {
 /// A radius of gyration of ten times the size of the robot, here its reach of 1 m, is the bound: 100 kg m² for 1 kg.
 #[test]
 fn moments_far_beyond_the_size_of_the_robot_are_warned_of() {
-    warned(&[(arm("0.5", "-3 3", "0", "99"), &[])]);
-    strictly_refused(&[
+    warned_texts(&[(arm("0.5", "-3 3", "0", "99"), &[])]);
+    strictly_refused_texts(&[
         (
             arm("0.5", "-3 3", "0", "15000"),
             &[
@@ -97,7 +97,7 @@ fn moments_far_beyond_the_size_of_the_robot_are_warned_of() {
         ),
     ]);
     // a link of the size of a ship
-    warned(&[(arm("0.5", "-3 3", "0", "101").replace("radius='0.02'", "radius='50'"), &[])]);
+    warned_texts(&[(arm("0.5", "-3 3", "0", "101").replace("radius='0.02'", "radius='50'"), &[])]);
 }
 
 #[test]
@@ -108,8 +108,8 @@ fn joints_without_an_axis_are_warned_of_unless_they_need_none() {
         let text = format!(
             "joint 'j' (line 1): a {kind} joint without <axis> has the axis 1 0 0, as URDF says; give its <axis xyz>"
         );
-        strictly_refused(&[(joint(kind), &[&text])]);
+        strictly_refused_texts(&[(joint(kind), &[&text])]);
         assert_eq!(read(&joint(kind)).unwrap().joints[0].axis, nalgebra::Vector3::x_axis());
     }
-    warned(&[(joint("fixed"), &[]), (joint("floating"), &[])]);
+    warned_texts(&[(joint("fixed"), &[]), (joint("floating"), &[])]);
 }

@@ -1,6 +1,7 @@
 //! A temporary folder, runs of the command in it, and checks of its answers.
 
 use carom_testing::files::Folder;
+pub use carom_testing::tables::cases;
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use serde_json::{Value, json};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
@@ -28,7 +29,7 @@ impl Desk {
     /// A new folder with the preset robots.
     pub fn new() -> Self {
         let folder = Folder::new();
-        for robot in ["robots/planar2.urdf", "robots/planar3.urdf", "robots/arm7.urdf"] {
+        for robot in ["robots/planar2.urdf", "robots/planar3.urdf", "robots/arm7.urdf", "robots/box.urdf"] {
             folder.copy(robot);
         }
         Self(folder)
@@ -72,6 +73,20 @@ impl Desk {
         let ran = self.feed(args, input);
         assert_eq!(ran.code, Some(0), "{args}: {}", ran.err);
         ran.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    }
+
+    /// The one answer of a command without standard input.
+    #[track_caller]
+    pub fn one(&self, args: &str) -> Value {
+        let mut answers = self.answers(args, "");
+        assert_eq!(answers.len(), 1, "{args}");
+        answers.remove(0)
+    }
+
+    /// Checks for a refusal with this message.
+    #[track_caller]
+    pub fn refused(&self, args: &str, message: &str) {
+        refused(self.run(args), message);
     }
 
     /// The one answer to one line.

@@ -99,26 +99,22 @@ fn outputs_that_reach_an_input_through_a_link_are_refused() {
 #[test]
 fn two_outputs_of_the_same_file_are_refused() {
     let desk = laid();
-    for (args, message) in [
-        ("map m.toml --out m.csv --out m.csv", "--out m.csv: --out m.csv is a table too: give one"),
-        (
-            "map m.toml --out -",
-            "--out -: a map can be resumed from its file: give the name of a table, .csv or .parquet",
-        ),
-        (
-            "map m.toml --out m.svg --shard 1/2",
-            "--shard: a picture and a recording are of the whole map: give tables only, or no --shard",
-        ),
-        ("map m.toml --out m.svg --resume", "--resume is for a table: give --out X.csv or --out X.parquet"),
-        (
-            "simulate s.toml --out x.csv --out ./x.csv",
-            "--out ./x.csv: --out x.csv names the same file: give each its own",
-        ),
-        (
-            "simulate s.toml --out x.csv --contacts ./x.csv",
-            "--contacts ./x.csv: --out x.csv names the same file: give each its own",
-        ),
-    ] {
+    for (args, message) in cases(
+        r"
+        map m.toml --out m.csv --out m.csv
+            --out m.csv: --out m.csv is a table too: give one
+        map m.toml --out -
+            --out -: a map can be resumed from its file: give the name of a table, .csv or .parquet
+        map m.toml --out m.svg --shard 1/2
+            --shard: a picture and a recording are of the whole map: give tables only, or no --shard
+        map m.toml --out m.svg --resume
+            --resume is for a table: give --out X.csv or --out X.parquet
+        simulate s.toml --out x.csv --out ./x.csv
+            --out ./x.csv: --out x.csv names the same file: give each its own
+        simulate s.toml --out x.csv --contacts ./x.csv
+            --contacts ./x.csv: --out x.csv names the same file: give each its own
+    ",
+    ) {
         leaves_all(&desk, args, message);
     }
 }
@@ -196,16 +192,6 @@ fn a_table_is_printed_in_place_of_the_answer() {
         &format!("-: standard output has the answer of --json: {rule}"),
     );
     leaves_all(&desk, "simulate s.toml --out - --contacts -", &format!("-: standard output has another table: {rule}"));
-}
-
-#[test]
-fn no_picture_is_written_when_a_line_is_refused() {
-    let desk = laid();
-    let ran = desk.run(&format!("{LAW} bad.jsonl --svg x.svg"));
-    assert_eq!((ran.code, ran.err.as_str()), (Some(1), "error: bad.jsonl:2: expected value at column 1\n"));
-    assert!(!desk.0.join("x.svg").exists());
-    done(&desk.run(&format!("{LAW} good.jsonl --svg x.svg")));
-    assert!(std::fs::read_to_string(desk.0.join("x.svg")).unwrap().trim_end().ends_with("</svg>"));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 mod contract;
 mod derivatives;
-mod desk;
+pub mod desk;
 mod files;
 mod numbers;
 mod options;

@@ -11,6 +11,8 @@ fn invalid_states_are_refused_with_their_line() {
         (r#"{"q":[null,0],"qd":[0,0]}"#, "invalid type: null, expected f64 at column 10"),
         (r#"{"q":[0],"qd":[0,0]}"#, "q has 1 numbers, 2 are needed (shoulder, elbow)"),
         (r#"{"q":[0,0,0],"qd":[0,0]}"#, "q has 3 numbers, 2 are needed (shoulder, elbow)"),
+        // A state that is refused gives no warning of its limits.
+        (r#"{"q":[9],"qd":[0,0]}"#, "q has 1 numbers, 2 are needed (shoulder, elbow)"),
         (r#"{"q":[0,0],"qd":[]}"#, "qd has 0 numbers, 2 are needed (shoulder, elbow)"),
         (r#"{"q":[0,0],"qd":[0,0],"tau":[0]}"#, "tau has 1 numbers, 2 are needed (shoulder, elbow)"),
         (r#"{"q":[0,0],"qd":[0,0],"qdd":[0,0,0]}"#, "qdd has 3 numbers, 2 are needed (shoulder, elbow)"),
@@ -35,30 +37,24 @@ fn invalid_states_are_refused_with_their_line() {
 #[test]
 fn invalid_problems_are_refused_with_their_line() {
     let desk = Desk::new();
-    for (line, reason) in [
-        (r#"{"delassus":[[1,0],[0,1e999]],"u":[0,-1]}"#, "number out of range at column 27"),
-        (
-            r#"{"delassus":[[1,0],[0,1]],"u":[-1]}"#,
-            "u has 1 numbers: 2 in the plane (t, n) or 3 in space (t1, t2, n) are needed",
-        ),
-        (
-            r#"{"delassus":[[1,0],[0]],"u":[0,-1]}"#,
-            "delassus has rows of 2, 1 numbers: u has 2, so 2 rows of 2 are needed",
-        ),
-        (
-            r#"{"delassus":[[1,0],[0,1]],"u":[0,0,-1]}"#,
-            "delassus has rows of 2, 2 numbers: u has 3, so 3 rows of 3 are needed",
-        ),
-        (
-            r#"{"delassus":[[1,2],[2,1]],"u":[0,-1]}"#,
-            "the Delassus matrix is not positive semidefinite: eliminated from the normal upwards, its pivot at [0][0] is -3, below -0.0000000000004547473508864641 (rounding); no mass distribution has it, check the mass matrix and the order of the contact axes",
-        ),
-        (
-            r#"{"delassus":[[1,0],[0,0]],"u":[0,-1]}"#,
-            "the normal direction is singular: H_nn = 0 1/kg is zero within rounding, relative to the trace 1 1/kg of the Delassus matrix, so the impulse would be infinite; leave the singular pose or model the compliance of the structure",
-        ),
-        (r#"{"delassus":[[1,0],[0,1]],"v":[0,-1]}"#, "unknown field `v`, expected `delassus` or `u` at column 29"),
-    ] {
+    for (line, reason) in cases(
+        r#"
+        {"delassus":[[1,0],[0,1e999]],"u":[0,-1]}
+            number out of range at column 27
+        {"delassus":[[1,0],[0,1]],"u":[-1]}
+            u has 1 numbers: 2 in the plane (t, n) or 3 in space (t1, t2, n) are needed
+        {"delassus":[[1,0],[0]],"u":[0,-1]}
+            delassus has rows of 2, 1 numbers: u has 2, so 2 rows of 2 are needed
+        {"delassus":[[1,0],[0,1]],"u":[0,0,-1]}
+            delassus has rows of 2, 2 numbers: u has 3, so 3 rows of 3 are needed
+        {"delassus":[[1,2],[2,1]],"u":[0,-1]}
+            the Delassus matrix is not positive semidefinite: eliminated from the normal upwards, its pivot at [0][0] is -3, below -0.0000000000004547473508864641 (rounding); no mass distribution has it, check the mass matrix and the order of the contact axes
+        {"delassus":[[1,0],[0,0]],"u":[0,-1]}
+            the normal direction is singular: H_nn = 0 1/kg is zero within rounding, relative to the trace 1 1/kg of the Delassus matrix, so the impulse would be infinite; leave the singular pose or model the compliance of the structure
+        {"delassus":[[1,0],[0,1]],"v":[0,-1]}
+            unknown field `v`, expected `delassus` or `u` at column 29
+    "#,
+    ) {
         refused(
             desk.feed("law --json --law all --restitution 0.5 --problems -", line),
             &format!("<stdin>:1: {reason}"),
@@ -111,15 +107,6 @@ fn positions_outside_limits_give_one_warning_for_each_joint() {
              warning: <stdin>:2: joint 'elbow' is at -4 rad, below its limit -3.1 rad (said once for this joint)\n"
         );
     }
-}
-
-#[test]
-fn refused_states_give_no_limit_warning() {
-    let desk = Desk::new();
-    refused(
-        desk.feed("dynamics planar2.urdf --json --tip tip --states -", r#"{"q":[9],"qd":[0,0]}"#),
-        "<stdin>:1: q has 1 numbers, 2 are needed (shoulder, elbow)",
-    );
 }
 
 #[test]

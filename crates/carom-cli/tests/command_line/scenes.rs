@@ -20,8 +20,6 @@ duration = 0.1
 #run
 "#;
 
-const LAWS: &str = "the laws are frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith";
-
 impl Desk {
     /// The answer of a command to a scene, and its standard error.
     #[track_caller]
@@ -157,100 +155,76 @@ fn every_controller_changes_the_motion() {
 #[test]
 fn invalid_contact_rules_are_refused() {
     let desk = Desk::new();
-    let pair = |lines: &str| format!("[[contact.pair]]\n{lines}");
     desk.refuses_all(
         "#surface",
-        &[
-            (
-                "contact = { restituton = 0.9 }",
-                "line 7: unknown field `restituton`, expected one of `law`, `restitution`, \
-                 `tangential_restitution`, `friction`, `latch`, `compliance`, `relative_stiffness`; did you mean `restitution`?",
-            ),
-            ("contact = { law = \"newtn\" }", &format!("[[surface]] 'surface 1': contact law = \"newtn\": {LAWS}")),
-            (
-                "contact = { restitution = 2 }",
-                "[[surface]] 'surface 1': restitution is 2: a coefficient of restitution lies between 0 and 1",
-            ),
-            (
-                "contact = { friction = -1 }",
-                "[[surface]] 'surface 1': friction is -1: a coefficient of friction is finite and not negative",
-            ),
-            (
-                "contact = { latch = 1 }",
-                "line 7, contact = { latch = 1 }: invalid type: integer `1`, expected a boolean",
-            ),
-            (
-                "motion = { amplitude = [0.001, 0, 0], frequenzy = 2 }",
-                "line 7: unknown field `frequenzy`, expected one of `amplitude`, `frequency`, `phase`, \
-                 `velocity`, `file`; did you mean \
-                 `frequency`?",
-            ),
-            (
-                "motion = { amplitude = [0.001, 0, 0] }",
-                "[[surface]] 'surface 1': motion needs the key frequency (or else velocity, or file)",
-            ),
-            (
-                "motion = { amplitude = [nan, 0, 0], frequency = 2 }",
-                "[[surface]] 'surface 1': every number of motion must be finite",
-            ),
-            (
-                "motion = { amplitude = [0, 0], frequency = 2 }",
-                "line 7, motion = { amplitude = [0, 0], frequency = 2 }: invalid length 2, expected an array of length 3",
-            ),
-            (
-                "[[surface]]\nname = \"surface 1\"\nshape = { sphere = { centre = [9, 0, 0], radius = 1 } }",
-                "[[surface]] name = \"surface 1\": two surfaces have this name, rename one",
-            ),
-        ],
+        &cases(r#"
+            contact = { restituton = 0.9 }
+                line 7: unknown field `restituton`, expected one of `law`, `restitution`, `tangential_restitution`, `friction`, `latch`, `compliance`, `relative_stiffness`; did you mean `restitution`?
+            contact = { restitution = 2 }
+                [[surface]] 'surface 1': restitution is 2: a coefficient of restitution lies between 0 and 1
+            contact = { friction = -1 }
+                [[surface]] 'surface 1': friction is -1: a coefficient of friction is finite and not negative
+            contact = { latch = 1 }
+                line 7, contact = { latch = 1 }: invalid type: integer `1`, expected a boolean
+            motion = { amplitude = [0.001, 0, 0], frequenzy = 2 }
+                line 7: unknown field `frequenzy`, expected one of `amplitude`, `frequency`, `phase`, `velocity`, `file`; did you mean `frequency`?
+            motion = { amplitude = [0.001, 0, 0] }
+                [[surface]] 'surface 1': motion needs the key frequency (or else velocity, or file)
+            motion = { amplitude = [nan, 0, 0], frequency = 2 }
+                [[surface]] 'surface 1': every number of motion must be finite
+            motion = { amplitude = [0, 0], frequency = 2 }
+                line 7, motion = { amplitude = [0, 0], frequency = 2 }: invalid length 2, expected an array of length 3
+            [[surface]]\nname = "surface 1"\nshape = { sphere = { centre = [9, 0, 0], radius = 1 } }
+                [[surface]] name = "surface 1": two surfaces have this name, rename one
+        "#),
     );
-    let kinds = "[[contact.pair]] needs link, surface or both, or else joint (for its limits)";
     desk.refuses_all(
         "#contact",
-        &[
-            (
-                "several = \"newton\"",
-                "line 11, several = \"newton\": unknown variant `newton`, expected one of `moreau`, `poisson`, `sequential`, `energetic`",
-            ),
-            (
-                "links = [[\"tip\", \"tip\"]]",
-                "[contact] links = [\"tip\", \"tip\"]: link 'tip' is paired with itself: name two links",
-            ),
-            (
-                "links = [[\"tip\", \"link1\"], [\"link1\", \"tip\"]]",
-                "[contact] links = [\"link1\", \"tip\"]: the pair is listed twice, remove one",
-            ),
-            (
-                "links = [[\"tip\", \"base\"]]",
-                "[contact] links = [\"tip\", \"base\"]: link 'base' has no collision shape: give it one in the URDF",
-            ),
-            (
-                "links = [[\"tip\", \"lnk2\"]]",
-                "[contact] links = [\"tip\", \"lnk2\"]: no link is named 'lnk2'; did you mean 'link2'?",
-            ),
-            (&pair("restitution = 0.8"), kinds),
-            (&pair("joint = \"elbow\"\nlink = \"tip\""), kinds),
-            (&pair("link = \"tipp\""), "[[contact.pair]] no link is named 'tipp'; did you mean 'tip'?"),
-            (&pair("surface = \"wall\""), "[[contact.pair]] surface = \"wall\": the surfaces are surface 1"),
-            (&pair("joint = \"elbw\""), "[[contact.pair]] no joint is named 'elbw'; did you mean 'elbow'?"),
-            (
-                &pair("joint = \"elbow\"\nfriction = 0.3"),
-                "[[contact.pair]] has joint: joint limits have restitution, latch and relative_stiffness only, remove law, \
-                 tangential_restitution, friction and compliance",
-            ),
-            (&pair("link = \"tip\"\nlaw = \"hertz\""), &format!("[[contact.pair]] law = \"hertz\": {LAWS}")),
-            (
-                &pair("link = \"tip\"\nrestitution = 7"),
-                "[[contact.pair]] tip on surface 1: restitution is 7: a coefficient of restitution lies between 0 and 1",
-            ),
-            (
-                &pair("link = \"tip\"\nlach = true"),
-                "line 13: unknown field `lach`, expected one of `link`, `surface`, `joint`, `disabled`, `law`, `restitution`, \
-                 `tangential_restitution`, `friction`, `latch`, `compliance`, `relative_stiffness`; did you mean `latch`?",
-            ),
-        ],
+        &cases(r#"
+            several = "newton"
+                line 11, several = "newton": unknown variant `newton`, expected one of `moreau`, `poisson`, `sequential`, `energetic`
+            links = [["tip", "base"]]
+                [contact] links = ["tip", "base"]: link 'base' has no collision shape: give it one in the URDF
+            links = [["tip", "lnk2"]]
+                [contact] links = ["tip", "lnk2"]: no link is named 'lnk2'; did you mean 'link2'?
+            [[contact.pair]]\nrestitution = 0.8
+                [[contact.pair]] needs link, surface or both, or else joint (for its limits)
+            [[contact.pair]]\njoint = "elbow"\nlink = "tip"
+                [[contact.pair]] needs link, surface or both, or else joint (for its limits)
+            [[contact.pair]]\nlink = "tipp"
+                [[contact.pair]] no link is named 'tipp'; did you mean 'tip'?
+            [[contact.pair]]\nsurface = "wall"
+                [[contact.pair]] surface = "wall": the surfaces are surface 1
+            [[contact.pair]]\njoint = "elbw"
+                [[contact.pair]] no joint is named 'elbw'; did you mean 'elbow'?
+            [[contact.pair]]\nlink = "tip"\nrestitution = 7
+                [[contact.pair]] tip on surface 1: restitution is 7: a coefficient of restitution lies between 0 and 1
+            [[contact.pair]]\nlink = "tip"\nlach = true
+                line 13: unknown field `lach`, expected one of `link`, `surface`, `joint`, `disabled`, `law`, `restitution`, `tangential_restitution`, `friction`, `latch`, `compliance`, `relative_stiffness`; did you mean `latch`?
+        "#),
     );
-    let negative = SCENE.replace("restitution = 0.35", "restitution = -0.1");
-    desk.refuses(&negative, "[contact]: restitution is -0.1: a coefficient of restitution lies between 0 and 1");
+    for (old, new, message) in [
+        (
+            "restitution = 0.35",
+            "restitution = -0.1",
+            "[contact]: restitution is -0.1: a coefficient of restitution lies between 0 and 1",
+        ),
+        ("q = [0.7854, -1.5708]", "q = [0.7854]", "q has 1 numbers, 2 are needed (shoulder, elbow)"),
+        (
+            "normal = [-1, 0, 0]",
+            "normal = [0, 0, 0]",
+            "[[surface]] 'surface 1': obstacle: normal is (0, 0, 0): a direction must not be zero",
+        ),
+        (
+            "restitution =",
+            "restituton =",
+            "line 10: unknown field `restituton`, expected one of `law`, `restitution`, `tangential_restitution`, `friction`, \
+             `latch`, `compliance`, `relative_stiffness`, `limit_restitution`, `several`, `several_exponent`, `links`, \
+             `between_robots`, `pair`; did you mean `restitution`?",
+        ),
+    ] {
+        desk.refuses(&SCENE.replace(old, new), message);
+    }
 }
 
 /// A pair that cannot touch is a warning, not an error.
@@ -280,15 +254,6 @@ fn controllers_without_their_parameters_are_refused() {
                      `transition`?"
                 ),
             ),
-            (&format!("controller = \"pd\"\n{gains}"), "[run] controller = \"pd\" needs the key kp"),
-            (&format!("after_impact = \"pd\"\n{gains}"), "[run] after_impact = \"pd\" needs the key kp"),
-            (
-                &format!("controller = \"impact-invariant\"\n{gains}"),
-                "[run] controller = \"impact-invariant\" needs the key kp",
-            ),
-            ("controller = \"transition\"", "[run] controller = \"transition\" needs the key gain"),
-            ("controller = \"constant\"", "[run] controller = \"constant\" needs the key torque"),
-            ("controller = \"torque-file\"", "[run] controller = \"torque-file\" needs the key torque_file"),
             ("controller = \"transition\"\ngain = -10", "gain is -10: it must be finite and not negative"),
             ("controller = \"transition\"\ngain = 9\npress = nan", "press is NaN: it must be finite and not negative"),
             (
@@ -352,51 +317,44 @@ fn invalid_torque_files_are_refused_with_their_line() {
 #[test]
 fn invalid_settings_are_refused() {
     let desk = Desk::new();
-    let share = "it must be above 0 and below 1";
-    let positive = "it must be positive and finite";
     desk.refuses_all(
         "#run",
-        &[
-            (
-                "model = \"ful\"",
-                "line 14, model = \"ful\": unknown variant `ful`, expected `auto` or `full`; did you mean `full`?",
-            ),
-            ("model = 1", "line 14, model = 1: wanted string or table"),
-            (
-                "method = \"step\"",
-                "line 14, method = \"step\": unknown variant `step`, expected `events` or `steps`; did you mean `steps`?",
-            ),
-            (
-                "method = \"steps\"\n[contact.compliance]\nstiffness = 1e5",
-                "link2 on surface 1, corner 1: compliance stiffness is 100000: time stepping supports rigid contacts only: remove the \
-                 compliance or use method = \"events\"",
-            ),
-            ("neglect = 0", &format!("[run] neglect = 0: {share}")),
-            ("neglect = 1.5", &format!("[run] neglect = 1.5: {share}")),
-            ("neglect = nan", &format!("[run] neglect = NaN: {share}")),
-            ("neglect = \"a\"", "line 14, neglect = \"a\": invalid type: string \"a\", expected a number"),
-            ("tolerance = 0", &format!("tolerance is 0: {positive}")),
-            ("tolerance = -1e-9", &format!("tolerance is -1e-9: {positive}")),
-            ("contact_step = 0", &format!("contact step is 0: {positive}")),
-            ("contact_step = nan", &format!("contact step is NaN: {positive}")),
-            ("sample = 0", &format!("[run] sample = 0: {positive}")),
-            (
-                "max_step = 1e-11",
-                "longest step is 1e-11: the duration is more than 1e10 times as long: shorten the duration, or lengthen this",
-            ),
-            (
-                "tolerance = 1e-16",
-                "tolerance is 1e-16: no integration reaches it: numbers are rounded to 2.2e-16 of their size",
-            ),
-            ("gravity = [0, nan, 0]", "gravity is NaN: every component must be finite"),
-            (
-                "contact_stp = 1",
-                "line 14: unknown field `contact_stp`, expected one of `duration`, `tolerance`, `gravity`, `sample`, \
-                 `max_step`, `zeno_time`, `contact_step`, `max_events`, `method`, `model`, `neglect`, `effort_limits`, \
-                 `perturb`, `controller`, `after_impact`, `target`, `kp`, `kd`, `torque`, `torque_file`, `reference`, \
-                 `feed_forward`, `gain`, `press`, `compensate`; did you mean `contact_step`?",
-            ),
-        ],
+        &cases(r#"
+            model = "ful"
+                line 14, model = "ful": unknown variant `ful`, expected `auto` or `full`; did you mean `full`?
+            model = 1
+                line 14, model = 1: wanted string or table
+            method = "step"
+                line 14, method = "step": unknown variant `step`, expected `events` or `steps`; did you mean `steps`?
+            method = "steps"\n[contact.compliance]\nstiffness = 1e5
+                link2 on surface 1, corner 1: compliance stiffness is 100000: time stepping supports rigid contacts only: remove the compliance or use method = "events"
+            neglect = 0
+                [run] neglect = 0: it must be above 0 and below 1
+            neglect = 1.5
+                [run] neglect = 1.5: it must be above 0 and below 1
+            neglect = nan
+                [run] neglect = NaN: it must be above 0 and below 1
+            neglect = "a"
+                line 14, neglect = "a": invalid type: string "a", expected a number
+            tolerance = 0
+                tolerance is 0: it must be positive and finite
+            tolerance = -1e-9
+                tolerance is -1e-9: it must be positive and finite
+            contact_step = 0
+                contact step is 0: it must be positive and finite
+            contact_step = nan
+                contact step is NaN: it must be positive and finite
+            sample = 0
+                [run] sample = 0: it must be positive and finite
+            max_step = 1e-11
+                longest step is 1e-11: the duration is more than 1e10 times as long: shorten the duration, or lengthen this
+            tolerance = 1e-16
+                tolerance is 1e-16: no integration reaches it: numbers are rounded to 2.2e-16 of their size
+            gravity = [0, nan, 0]
+                gravity is NaN: every component must be finite
+            contact_stp = 1
+                line 14: unknown field `contact_stp`, expected one of `duration`, `tolerance`, `gravity`, `sample`, `max_step`, `zeno_time`, `contact_step`, `max_events`, `method`, `model`, `neglect`, `effort_limits`, `perturb`, `controller`, `after_impact`, `target`, `kp`, `kd`, `torque`, `torque_file`, `reference`, `feed_forward`, `gain`, `press`, `compensate`; did you mean `contact_step`?
+        "#),
     );
     let inside = SCENE.replace("0.6364, 0, 0", "0.63, 0, 0");
     desk.refuses(&inside, "at the start tip on surface 1 overlaps by 0.006396 m: choose a start without overlap");
@@ -487,4 +445,5 @@ fn a_surface_out_of_reach_is_left_out_without_a_warning() {
     let (run, said) = desk.told("simulate", &far);
     assert_eq!(said, "");
     assert_eq!((run["events"].as_array().unwrap().len(), run["mode"].as_str()), (0, Some("free")));
+    assert_eq!(run["stop_reason"], "duration");
 }

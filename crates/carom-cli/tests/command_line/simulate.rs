@@ -9,14 +9,6 @@ impl Desk {
     fn scene(&self, change: impl Fn(String) -> String) {
         self.write("s.toml", change(SCENE.replace("../robots/", "")));
     }
-
-    #[track_caller]
-    fn refuses_scene(&self, change: impl Fn(String) -> String, message: &str) {
-        self.scene(change);
-        let before = self.files("");
-        refused(self.run("simulate s.toml --json --csv x.csv"), message);
-        assert_eq!(self.files(""), before, "nothing is written");
-    }
 }
 
 #[test]
@@ -44,7 +36,6 @@ fn simulate_gives_events_and_a_table() {
 #[test]
 fn simulate_tells_where_a_motion_is_not_unique() {
     let desk = Desk::new();
-    desk.write("box.urdf", include_str!("../../../../robots/box.urdf"));
     let scene = |spin: f64| {
         format!(
             r#"[robot]
@@ -88,40 +79,6 @@ gravity = [0, 0, -9.81]
         let said = desk.run("simulate s.toml").out;
         assert_eq!(said.contains("non-unique"), !words.is_empty(), "{said}");
     }
-}
-
-#[test]
-fn invalid_scenes_are_refused_with_the_reason() {
-    let desk = Desk::new();
-    desk.refuses_scene(
-        |text| text.replace("restitution =", "restituton ="),
-        "s.toml: line 12: unknown field `restituton`, expected one of `law`, `restitution`, `tangential_restitution`, `friction`, \
-         `latch`, `compliance`, `relative_stiffness`, `limit_restitution`, `several`, `several_exponent`, `links`, `between_robots`, `pair`; did you mean `restitution`?",
-    );
-    desk.refuses_scene(
-        |text| text.replace("0.6364, 0, 0]", "0.63, 0, 0]"),
-        "s.toml: at the start tip on surface 1 overlaps by 0.006396 m: choose a start without overlap",
-    );
-    desk.refuses_scene(
-        |text| text.replace("tolerance = 1e-9", "tolerance = 0"),
-        "s.toml: tolerance is 0: it must be positive and finite",
-    );
-    desk.refuses_scene(
-        |text| text.replace("0.35", "1.5"),
-        "s.toml: [contact]: restitution is 1.5: a coefficient of restitution lies between 0 and 1",
-    );
-    desk.refuses_scene(
-        |text| text.replace("\"energetic\"", "\"hertz\""),
-        "s.toml: [contact] law = \"hertz\": the laws are frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith",
-    );
-    desk.refuses_scene(
-        |text| text.replace("q = [0.7854, -1.5708]", "q = [0.7854]"),
-        "s.toml: q has 1 numbers, 2 are needed (shoulder, elbow)",
-    );
-    desk.refuses_scene(
-        |text| text.replace("normal = [-1, 0, 0]", "normal = [0, 0, 0]"),
-        "s.toml: [[surface]] 'surface 1': obstacle: normal is (0, 0, 0): a direction must not be zero",
-    );
 }
 
 /// The derivatives of the answer are differences of answers from starts beside that of the scene.
@@ -194,16 +151,6 @@ fn sensitivities_that_do_not_exist_are_told_or_refused() {
         "b.toml: --sensitivity: time steps have no derivative: take method = \"events\" in [run]",
     );
     usage(desk.run("simulate b.toml --sensitivity --runs 3"), "cannot be used with");
-}
-
-/// A surface out of reach is no error: the run has no events.
-#[test]
-fn a_surface_out_of_reach_gives_no_events() {
-    let desk = Desk::new();
-    desk.scene(|text| text.replace("0.6364, 0, 0]", "2, 0, 0]"));
-    let summary = &desk.answers("simulate s.toml --json", "")[0];
-    assert_eq!(summary["events"].as_array().unwrap().len(), 0);
-    assert_eq!((summary["stop_reason"].as_str(), summary["mode"].as_str()), (Some("duration"), Some("free")));
 }
 
 /// With the feature `rerun` the file is complete; without it the option is refused.
