@@ -74,32 +74,23 @@ fn kane_levinson_numbers_from_a_chain() {
         // The chain has two degrees of freedom and both move the tip: its kinetic energy equals that of the contact.
         assert!((hit.energy_before - hit.contact.energy_before).abs() < 1e-14);
     }
-    let poisson = strike(&Poisson { restitution, friction }).qd_plus;
-    assert!((poisson[0] + 0.197179706138).abs() < 1e-11);
-    assert!((poisson[0] + poisson[1] - 0.219606684404).abs() < 1e-11);
-}
-
-#[test]
-fn an_impact_along_a_stretched_arm_is_refused_as_singular() {
-    let chain = robot("planar2");
-    let tip = chain.frame("tip").unwrap();
-    let error = chain
-        .impact(&[0.0, 0.0], &[1.0, 0.0])
-        .at(tip)
-        .normal([-1.0, 0.0, 0.0])
-        .resolve(&Frictionless { restitution: 0.5 })
-        .unwrap_err();
-    assert_eq!(
-        error.to_string(),
-        "at this pose no joint moves 'tip' along the normal [-1.0, 0.0, 0.0] (singular direction): the load would pass into \
-         the structure, and the impulse of any rigid law would be infinite; change the pose or the normal"
-    );
+    // dv⁺/de = J dq̇⁺/de, from 30-digit arithmetic, and the velocities of the joints.
+    let at = chain.impact(&q, &qd).at(tip).normal([0.0, 1.0, 0.0]);
+    let found = at.clone().derivative(&Energetic { restitution, friction }).unwrap();
+    let u = at.contact().unwrap().jacobian() * &found.restitution;
+    assert!((u[0] - 0.03519218).abs() < 6e-9 && (u[1] - 0.02908798).abs() < 6e-9, "{u}");
+    for (qd, first, sum) in [
+        (strike(&Poisson { restitution, friction }).qd_plus, -0.197179706138, 0.219606684404),
+        (found.hit.qd_plus, -0.198932335971, 0.223136785377),
+    ] {
+        assert!((qd[0] - first).abs() < 1e-11 && (qd[0] + qd[1] - sum).abs() < 1e-11, "{qd:?}");
+    }
 }
 
 #[test]
 fn incomplete_and_invalid_impacts_are_refused_with_the_reason() {
     let chain = robot("planar2");
-    let (tip, base) = (chain.frame("tip").unwrap(), chain.frame("base").unwrap());
+    let tip = chain.frame("tip").unwrap();
     let law = Frictionless { restitution: 0.5 };
     let strike = || chain.impact(&[0.7, -1.5], &[0.0, 0.1]);
     let said = |e: SimError| e.to_string();
@@ -108,33 +99,8 @@ fn incomplete_and_invalid_impacts_are_refused_with_the_reason() {
         said(strike().normal([1.0, 0.0, 0.0]).resolve(&law).unwrap_err())
             .starts_with("missing contact point: call .at(")
     );
-    assert!(
-        said(strike().at(base).normal([1.0, 0.0, 0.0]).resolve(&law).unwrap_err())
-            .starts_with("link 'base' is fixed to the world")
-    );
-    assert_eq!(
-        said(strike().at(tip).normal([0.0; 3]).resolve(&law).unwrap_err()),
-        "direction [0.0, 0.0, 0.0] has length 0: a direction needs a finite, non-zero length"
-    );
-    let short = chain.impact(&[0.7], &[0.0, 0.1]).at(tip).normal([1.0, 0.0, 0.0]).resolve(&law).unwrap_err();
-    assert_eq!(short.to_string(), "q has 1 numbers, 2 are needed (shoulder, elbow)");
     let nan = chain.impact(&[0.7, f64::NAN], &[0.0, 0.1]).at(tip).normal([1.0, 0.0, 0.0]).resolve(&law).unwrap_err();
     assert!(matches!(nan, SimError::Chain(ChainError::NotFinite { what: "q", index: 1, .. })));
-}
-
-/// A separating contact velocity gives a zero impulse and no error.
-#[test]
-fn a_separating_contact_has_zero_impulse() {
-    let chain = robot("arm7");
-    let tip = chain.frame("tip").unwrap();
-    let q = [0.1, 0.5, -0.3, 0.9, 0.2, -0.4, 0.3];
-    let qd = [0.3, -0.2, 0.1, 0.5, -0.4, 0.2, 0.1];
-    let mut ws = chain.workspace();
-    let u = ws.update(&chain, &q).unwrap().point_velocity(chain.point(tip, Vector3::zeros()), &qd).unwrap();
-    let hit = chain.impact(&q, &qd).at(tip).normal(u).resolve(&Frictionless { restitution: 0.8 }).unwrap();
-    assert_eq!((hit.impulse, hit.mode), (Vector3::zeros(), Mode::Open));
-    assert_eq!(hit.qd_plus, qd);
-    assert!(hit.flags.contains(Flags::NO_APPROACH));
 }
 
 /// The branch-free kernel gives the result of the checked interface, in space and in the plane.

@@ -291,6 +291,7 @@ fn the_tangential_restitution_of_a_scene_is_that_of_the_law_alone() {
 #[test]
 fn invalid_laws_and_coefficients_of_scene_files_are_refused_with_key_value_and_rule() {
     let rule = "a coefficient of tangential restitution lies between -1 and 1";
+    let friction = "a coefficient of friction is finite and not negative";
     let laws = format!("law = \"hertz\": the laws are {}", LAW_NAMES.join(", "));
     for (surface, rest, expected) in [
         ("", "[contact]\ntangential_restitution = 1.5", format!("[contact]: tangential_restitution is 1.5: {rule}")),
@@ -311,6 +312,9 @@ fn invalid_laws_and_coefficients_of_scene_files_are_refused_with_key_value_and_r
              tangential_restitution, friction and compliance"
                 .to_owned(),
         ),
+        ("", "[contact]\nfriction = -0.1", format!("[contact]: friction is -0.1: {friction}")),
+        ("", "[contact]\nfriction = inf", format!("[contact]: friction is inf: {friction}")),
+        ("", "[contact]\nfriction = nan", format!("[contact]: friction is NaN: {friction}")),
         ("", "[contact]\nlaw = \"hertz\"", format!("[contact] {laws}")),
         ("contact = { law = \"hertz\" }", "", format!("[[surface]] 'wall': contact {laws}")),
         ("", "[[contact.pair]]\nlink = \"tip\"\nlaw = \"hertz\"", format!("[[contact.pair]] {laws}")),

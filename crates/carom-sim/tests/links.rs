@@ -134,15 +134,6 @@ fn a_cradle_keeps_its_period_and_energy() {
     }
 }
 
-#[test]
-fn invalid_link_pairs_are_refused() {
-    let chain = row(2);
-    let refuse = |a: &str, b: &str| Touch::between(&chain, a, b, &ContactRule::default()).unwrap_err().to_string();
-    assert_eq!(refuse("ball1", "ball1"), "link 'ball1' is paired with itself: name two links");
-    assert_eq!(refuse("ball1", "base"), "link 'base' has no collision shape: give it one in the URDF");
-    assert!(refuse("ball1", "ball3").contains("ball3"), "{}", refuse("ball1", "ball3"));
-}
-
 /// The balls of B8 under the energetic law, whose outcome depends on the stiffnesses; with a middle contact of another
 /// stiffness the ratio counts.
 #[test]

@@ -188,17 +188,6 @@ fn a_pair_of_links_that_is_listed_twice_is_refused() {
     assert_eq!(pairs.len(), 2);
 }
 
-#[test]
-fn friction_that_is_negative_or_not_finite_is_refused() {
-    for (written, shown) in [("-0.1", "-0.1"), ("inf", "inf"), ("nan", "NaN")] {
-        let said = rule(&format!("{ARM}{WALL}[contact]\nfriction = {written}\n[run]\nduration = 1\n"));
-        assert_eq!(
-            said,
-            format!("[contact]: friction is {shown}: a coefficient of friction is finite and not negative")
-        );
-    }
-}
-
 /// The plan's bound on neglected friction is that for an impact at the start pose and velocity: with the wall 2 nm ahead of the
 /// tip, the run reports the same bound.
 #[test]

@@ -3,7 +3,7 @@
 use carom_chain::Chain;
 use carom_contact::Obstacle;
 use carom_sim::{ContactMode, EventKind, Simulation};
-use carom_testing::build::{floating_box, in_plane};
+use carom_testing::build::{X, Z, along, ball, floating_box, in_plane};
 use carom_testing::scenes::{G, among, half_space, rule, surface};
 use nalgebra::Vector3;
 
@@ -86,10 +86,20 @@ fn a_box_at_rest_does_not_creep_or_sink() {
     }
 }
 
-/// A box on a slope sticks below the friction angle, and slides above it with g (sin θ − μ cos θ).
+/// A block (a ball that cannot rotate) and a box on a slope stick below the friction angle, and slide above it with
+/// g (sin θ − μ cos θ).
 #[test]
-fn a_box_on_a_slope_sticks_or_slides_with_coulomb_acceleration() {
+fn a_body_on_a_slope_sticks_or_slides_with_coulomb_acceleration() {
     let mu = 0.3_f64;
+    for (angle, slides) in [(mu.atan() - 0.01, false), (mu.atan() + 0.1, true)] {
+        let sim = simulation(along(&[X, Z], 1.0, [1.0; 3], &ball(0.1)), slope(angle), "newton", 0.0, mu);
+        let (s, c) = angle.sin_cos();
+        let run = sim.run(&[0.1 * s, 0.1 * c], &[0.0, 0.0], 1.0).unwrap();
+        let way = (run.summary.last.q[0] - 0.1 * s).hypot(run.summary.last.q[1] - 0.1 * c);
+        let expected = if slides { 0.5 * G * (s - mu * c) } else { 0.0 };
+        assert!((way - expected).abs() < 1e-9, "{way} against {expected}");
+        assert_eq!(run.summary.mode.name(), if slides { "sliding" } else { "sticking" });
+    }
     for (angle, slides) in [(mu.atan() - 0.02, false), (mu.atan() + 0.1, true)] {
         let sim = simulation(floating_box([0.3, 0.2, 0.1], 2.0), slope(angle), "newton", 0.0, mu);
         let (s, c) = angle.sin_cos();
@@ -180,8 +190,8 @@ fn mode_of_several_contacts_is_named_several() {
 /// The error of time stepping is of first order in the step, in the mean over many starts.
 #[test]
 fn time_stepping_converges_to_the_event_driven_solution() {
-    let ball = in_plane(1.0, 0.1, r#"<collision><geometry><sphere radius="0.1"/></geometry></collision>"#);
-    let exact = simulation(ball, slope(0.0), "newton", 0.5, 0.0);
+    let disc = in_plane(1.0, 0.1, r#"<collision><geometry><sphere radius="0.1"/></geometry></collision>"#);
+    let exact = simulation(disc, slope(0.0), "newton", 0.5, 0.0);
     let error = |step: f64| {
         let steps = Simulation { stepping: true, contact_step: step, ..exact.clone() };
         // The error depends on the phase of the impact within a step, so it is averaged over 40 starts.

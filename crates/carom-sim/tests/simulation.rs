@@ -2,11 +2,10 @@
 
 use carom_chain::Chain;
 use carom_contact::Obstacle;
-use carom_impact::Coefficients;
-use carom_sim::{ContactLaw, ContactMode, ContactRule, EventKind, Sampling, Seen, Simulation, StopReason, Touch};
+use carom_sim::{ContactMode, ContactRule, EventKind, Sampling, Seen, Simulation, StopReason, Touch};
 use carom_testing::build::{O, Part, X, Y, Z, along, ball, chain, falling_ball, free, shape};
 use carom_testing::files::robot;
-use carom_testing::scenes::{DOWN, G, floor, half_space, kinds, level, rule, shipped, surface};
+use carom_testing::scenes::{DOWN, G, floor, half_space, kinds, level, rule, surface};
 use nalgebra::Vector3;
 
 fn simulation(chain: Chain, obstacle: Obstacle, contact: ContactRule) -> Simulation {
@@ -188,25 +187,6 @@ fn pendulum_impacts_without_accumulation_are_all_resolved() {
     assert_eq!(run.events.len(), 1 + ((30.0 - half / 2.0) / half) as usize);
 }
 
-/// A block (a ball that cannot rotate) on a slope sticks below the friction angle and slides above it with
-/// g (sin θ − μ cos θ).
-#[test]
-fn slider_on_a_slope_sticks_below_the_friction_angle_and_slides_above() {
-    let block = along(&[X, Z], 1.0, [1.0; 3], &ball(0.1));
-    let mu = 0.3_f64;
-    for (angle, slides) in [(mu.atan() - 0.01, false), (mu.atan() + 0.1, true)] {
-        let (s, c) = angle.sin_cos();
-        let slope = half_space([0.0; 3], [s, 0.0, c]);
-        let sim = simulation(block.clone(), slope, rule("newton", 0.0, mu));
-        let start = [0.1 * s, 0.1 * c];
-        let run = sim.run(&start, &[0.0, 0.0], 1.0).unwrap();
-        let way = (run.summary.last.q[0] - start[0]).hypot(run.summary.last.q[1] - start[1]);
-        let expected = if slides { 0.5 * G * (s - mu * c) } else { 0.0 };
-        assert!((way - expected).abs() < 1e-9, "{way} against {expected}");
-        assert_eq!(run.summary.mode.name(), if slides { "sliding" } else { "sticking" });
-    }
-}
-
 /// A bead that slides down a smooth sphere from θ₀ with speed v₀ leaves it at cos θ = ⅔ (cos θ₀ + v₀²/2gR).
 #[test]
 fn bead_leaves_a_smooth_sphere_at_the_closed_form_angle() {
@@ -290,26 +270,10 @@ fn reaching_a_joint_limit_is_an_impact() {
 }
 
 #[test]
-fn shipped_planar2_scene_runs() {
-    let scene = shipped("planar2");
-    let run = scene.simulation.run(&scene.q, &scene.qd, scene.duration).unwrap();
-    let EventKind::Impact { hit, .. } = &run.events[0].kind else { panic!("{:?}", run.events[0]) };
-    assert!((hit.u_plus.x + 0.35 * hit.u_minus.x).abs() < 1e-15);
-    assert!((hit.u_minus.norm() - 0.2).abs() < 1e-5);
-}
-
-#[test]
 fn invalid_simulations_are_refused_with_the_reason() {
     let sim = simulation(falling_ball(), level(), rule("newton", 0.5, 0.0));
-    let said = |q: f64, tolerance: f64, duration: f64| {
-        let mut sim = sim.clone();
-        sim.tolerance = tolerance;
-        sim.run(&[q], &[0.0], duration).unwrap_err().to_string()
-    };
-    assert_eq!(said(0.05, 1e-9, 1.0), "at the start l1 on floor overlaps by 0.05 m: choose a start without overlap");
-    assert_eq!(said(1.0, 0.0, 1.0), "tolerance is 0: it must be positive and finite");
-    assert_eq!(said(1.0, 1e-9, -1.0), "duration is -1: it must be positive and finite");
-    assert!(ContactLaw::named("hertz", Coefficients::default()).is_none());
+    let said = |duration: f64| sim.run(&[1.0], &[0.0], duration).unwrap_err().to_string();
+    assert_eq!(said(-1.0), "duration is -1: it must be positive and finite");
     // A robot without collision shapes has no touches.
     let arm = carom_chain::uniform_chain(2, 2.0, 2.0).unwrap();
     assert!(
