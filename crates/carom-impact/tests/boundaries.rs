@@ -394,7 +394,6 @@ fn turning_slip_reaches_its_boundaries_with_margin_zero() {
                 assert_eq!((below.beyond, above.beyond), (Mode::Stick, Mode::ReverseSlip));
             }
         }
-        println!("{name} {changes:?}");
         assert!(changes.len() >= 2, "{name} {changes:?}");
     }
 }

@@ -179,7 +179,6 @@ fn in_space_the_limit_is_among_the_branches() {
             assert!(best < 1e-5, "{law} {best:e} {case:?}\n{near:?}\n{all:?}");
         }
     }
-    println!("{jammed:?} {turned} {skipped}");
     assert!(skipped < 30, "{skipped} near the threshold");
     assert!(jammed[0] == 0 && jammed[1..].iter().all(|&n| n > 150) && turned > 30, "{jammed:?} {turned}");
 }
@@ -241,7 +240,6 @@ fn whittaker_s_branches_are_all_solutions_of_a_scan() {
         let jams = sliding && all[0].flags.contains(Flags::JAM);
         assert_eq!(all.len() % 2 == 0, jams, "{case:?}\n{all:?}");
     }
-    println!("{counts:?}, {smooth} without friction");
     assert!(smooth < 4_500, "one draw in eight: {smooth}");
     assert!(counts[0][2] > 2 && counts[1][1] > 500 && counts[1][2] + counts[1][3] > 10, "{counts:?}");
 }

@@ -127,5 +127,4 @@ fn closed_form_agrees_with_event_driven_integration() {
             assert!(off <= 1e-12, "{law} off {off:e}\n{case:?}\n{hit:?}\n{reference:?}");
         }
     }
-    println!("worst {worst:e}");
 }

@@ -89,7 +89,6 @@ fn every_point_of_the_path_obeys_momentum_cone_and_phase() {
             }
         }
     }
-    println!("{opening} {pressed}");
     assert!(opening > 2_000 && pressed > 100, "{opening} open, {pressed} are pressed back");
 }
 
@@ -236,7 +235,6 @@ fn path_stays_between_invariant_directions() {
             }
         }
     }
-    println!("{between} {reached} {slowed}");
     assert!(between > 50_000 && reached > 1_000 && slowed < 50_000, "{between} {reached} {slowed}");
 }
 

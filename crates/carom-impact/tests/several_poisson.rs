@@ -119,69 +119,38 @@ fn without_restitution_it_agrees_with_moreaus_law() {
     }
 }
 
-#[derive(Default)]
+/// What 1000 random problems do.
+#[derive(Debug, Default)]
 struct Books {
-    problems: usize,
+    /// Their residual is above 1e-10.
     unsolved: usize,
     gains: usize,
     /// Largest change of energy, relative to the kinetic energy before; negative changes count as zero.
     worst_gain: f64,
-    worst_residual: f64,
-    moreau_gains: usize,
-    iterations: Vec<usize>,
 }
 
 fn census(seed: u64, freedoms: impl Fn(usize) -> usize, draw: impl Fn(&mut fastrand::Rng) -> Vec<Constraint>) -> Books {
-    let mut rng = fastrand::Rng::with_seed(seed);
-    let mut books = Books { problems: 1000, ..Books::default() };
-    for _ in 0..books.problems {
+    let (mut rng, mut books) = (fastrand::Rng::with_seed(seed), Books::default());
+    for _ in 0..1000 {
         let constraints = draw(&mut rng);
         let rows: usize = constraints.iter().map(Constraint::rows).sum();
         let freedoms = freedoms(rows);
         let j = DMatrix::from_fn(rows, freedoms, |_, _| wide(&mut rng));
         let v = DVector::from_fn(freedoms, |_, _| wide(&mut rng));
-        let problem = problem(&j * j.transpose(), &j * &v, constraints);
-        let hit = poisson(&problem).total;
-        // It may have no solution, hence few iterations.
-        let few = Accuracy { max_iterations: 60, ..Accuracy::default() };
-        let moreau = problem.simultaneous(&few, None).unwrap();
-        books.iterations.push(hit.iterations);
-        books.moreau_gains += usize::from(moreau.residual <= 1e-10 && moreau.flags.contains(Flags::ENERGY_GAIN));
+        let hit = poisson(&problem(&j * j.transpose(), &j * &v, constraints)).total;
         if hit.residual > 1e-10 {
             books.unsolved += 1;
             continue;
         }
-        books.worst_residual = books.worst_residual.max(hit.residual);
         books.worst_gain = books.worst_gain.max(hit.energy_change / (0.5 * v.norm_squared()));
         books.gains += usize::from(hit.flags.contains(Flags::ENERGY_GAIN));
     }
-    books.iterations.sort_unstable();
     books
 }
 
 #[track_caller]
-fn report(what: &str, books: &Books, unsolved: usize) {
-    let at = |share: f64| books.iterations[((books.problems - 1) as f64 * share) as usize];
-    println!(
-        "{what}: {} of {} above 1e-10 (worst of the others {:.1e}), {} gain, worst by {:.1e} of T; Moreau gains in {}; \
-         iterations: median {}, 99 % {}, most {}",
-        books.unsolved,
-        books.problems,
-        books.worst_residual,
-        books.gains,
-        books.worst_gain,
-        books.moreau_gains,
-        at(0.5),
-        at(0.99),
-        at(1.0)
-    );
-    assert!(books.unsolved <= unsolved, "{what}: {} unsolved", books.unsolved);
-}
-
-#[track_caller]
-fn never_gains(what: &str, books: &Books, unsolved: usize) {
-    report(what, books, unsolved);
-    assert!(books.gains == 0 && books.worst_gain <= 1e-10, "{what}");
+fn never_gains(what: &str, books: &Books) {
+    assert!(books.unsolved == 0 && books.gains == 0 && books.worst_gain <= 1e-10, "{what}: {books:?}");
 }
 
 fn many(rng: &mut fastrand::Rng, each: impl Fn(&mut fastrand::Rng) -> Constraint) -> Vec<Constraint> {
@@ -199,8 +168,8 @@ fn smooth(rng: &mut fastrand::Rng) -> Constraint {
 
 #[test]
 fn without_friction_energy_is_never_gained() {
-    never_gains("smooth, independent", &census(60, |rows| rows + 1, |rng| many(rng, smooth)), 0);
-    never_gains("smooth, redundant", &census(61, |rows| rows.div_ceil(2), |rng| many(rng, smooth)), 0);
+    never_gains("smooth, independent", &census(60, |rows| rows + 1, |rng| many(rng, smooth)));
+    never_gains("smooth, redundant", &census(61, |rows| rows.div_ceil(2), |rng| many(rng, smooth)));
 }
 
 #[test]
@@ -213,8 +182,8 @@ fn with_one_restitution_energy_is_never_gained() {
             _ => contact(e, 2.0 * rng.f64()),
         })
     };
-    never_gains("rough, independent", &census(62, |rows| rows + 1, draw), 0);
-    never_gains("rough, redundant", &census(63, |rows| rows.div_ceil(3), draw), 0);
+    never_gains("rough, independent", &census(62, |rows| rows + 1, draw));
+    never_gains("rough, redundant", &census(63, |rows| rows.div_ceil(3), draw));
 }
 
 /// With friction and different e energy gains are not excluded by the proof; they are rare in random problems.
@@ -225,8 +194,7 @@ fn with_different_restitutions_energy_gains_are_rare() {
         ("rough, different e, independent", census(64, |rows| rows + 1, draw)),
         ("rough, different e, redundant", census(65, |rows| rows.div_ceil(3), draw)),
     ] {
-        report(what, &books, 0);
-        assert!(books.gains <= 20, "{what}: {} gains of {}", books.gains, books.problems);
+        assert!(books.unsolved == 0 && books.gains <= 20, "{what}: {books:?}");
     }
 }
 
@@ -235,8 +203,7 @@ fn with_different_restitutions_energy_gains_are_rare() {
 fn inelastic_contact_with_friction_beside_an_elastic_one_may_gain_energy() {
     let draw = |rng: &mut fastrand::Rng| vec![contact(0.0, 2.0 * rng.f64()), stop(1.0)];
     let books = census(66, |_| 3, draw);
-    report("one inelastic with friction, one elastic without", &books, 2);
-    assert!(books.gains > 0 && books.worst_gain > 0.01);
+    assert!(books.unsolved <= 2 && books.gains > 0 && books.worst_gain > 0.01, "{books:?}");
 }
 
 /// A separating stop is brought to rest by a lossless one: by hand, u⁺ = (1, 0) and the gain is ½ p₂ u₂⁻.
@@ -277,6 +244,5 @@ fn newton_gains_without_friction_where_poisson_does_not() {
             }
         }
     }
-    println!("{found} of 4000 gain under Newton's e, {unsolved} unsolved");
     assert!(found > 0 && unsolved <= 5);
 }

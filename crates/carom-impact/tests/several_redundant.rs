@@ -102,6 +102,5 @@ fn warm_start_saves_iterations() {
         assert!(next.residual <= 1e-12 && again.residual <= 1e-12, "{next:?} {again:?}");
         (with, without) = (with + next.iterations, without + again.iterations);
     }
-    println!("{with} iterations with a warm start, {without} without");
     assert!(2 * with <= without, "{with} {without}");
 }

@@ -22,7 +22,6 @@ fn rod_end_that_strikes_first_rebounds_faster() {
         let rod = flat_rod(e, 1.0);
         let left = run(&rod, Order::Cycle(vec![0, 1]));
         let right = run(&rod, Order::Cycle(vec![1, 0]));
-        println!("e = {e}: {:?} after {} sub-impacts", left.u_plus.as_slice(), left.sub_impacts);
         assert!(left.finished && right.finished);
         close("first", left.u_plus[0], first, tiny);
         close("second", left.u_plus[1], second, tiny);
@@ -59,7 +58,6 @@ fn an_order_that_equal_approaches_leave_open_is_flagged() {
 #[test]
 fn rod_without_restitution_needs_42_sub_impacts() {
     let hit = run(&flat_rod(0.0, 1.0), Order::Cycle(vec![0, 1]));
-    println!("e = 0: {} sub-impacts, residual {:.1e}", hit.sub_impacts, hit.residual);
     assert!(hit.finished && hit.sub_impacts == 42);
     close("rest", hit.u_plus.amax(), 0.0, 1e-12);
     let few = Accuracy { max_iterations: 10, ..Accuracy::default() };
@@ -186,9 +184,6 @@ fn conditions_hold_in_4000_random_sequences() {
         assert!(rough || !gain, "energy gain without friction: {one:?} {hit:?}");
         gains += usize::from(gain);
     }
-    println!(
-        "sequences: {unfinished} of 4000 unfinished after 1000, most sub-impacts {most}; {gains} of 2000 rough gain"
-    );
     // Measured: none unfinished, 5 gains.
     assert!(unfinished <= 4 && (1..=20).contains(&gains), "{unfinished} {gains}");
 }
@@ -206,7 +201,6 @@ fn sets_of_orders_are_reproducible() {
     assert_eq!((set.tried, set.complete), (50, false));
     let all = one.all_orders(720, &Accuracy::default());
     assert_eq!((all.tried, all.complete), (720, true));
-    println!("{} outcomes of 720 orders, spread {:.3}; of 50 {:.3}", all.outcomes.len(), all.spread, set.spread);
     assert!(all.spread >= set.spread && all.outcomes.len() > 1);
     for found in &all.outcomes {
         assert!(!found.order.contains(&3), "what is held has no turn");

@@ -157,7 +157,6 @@ fn small_steps_converge_to_the_flow() {
         }
     }
     assert!(kept > 100 && stops > 100, "{kept} {stops}");
-    println!("{kept} keep slipping; {stops} stop or nearly, mean error {:?}", sums.map(|sum| sum / stops as f64));
     assert!(sums[1] < 0.4 * sums[0] && sums[2] < 0.4 * sums[1], "{sums:?}");
 }
 
@@ -185,6 +184,5 @@ fn recompression_continues_the_compression() {
             }
         }
     }
-    println!("{found} of 20000, {checked} checked");
     assert!(found > 5, "{found}");
 }

@@ -119,7 +119,7 @@ fn planar_arm_keeps_the_slip_across_its_plane() {
 #[test]
 fn rank_deficient_matrices_are_answered_or_refused_as_wedged() {
     let mut rng = fastrand::Rng::with_seed(44);
-    let (mut refusals, mut jams, mut missed) = ([0; LAW_NAMES.len()], 0, 0);
+    let (mut refusals, mut missed) = ([0; LAW_NAMES.len()], 0);
     for _ in 0..2_000 {
         let j = Matrix3x2::from_fn(|_, _| 2.0 * rng.f64() - 1.0);
         let mut qd = vector![rng.f64() - 0.5, rng.f64() - 0.5];
@@ -129,7 +129,6 @@ fn rank_deficient_matrices_are_answered_or_refused_as_wedged() {
         let u = j * qd;
         let case = Case { delassus: j * j.transpose(), u, restitution: rng.f64(), friction: 2.0 * rng.f64() };
         let unbounded = case.friction * case.delassus.fixed_view::<2, 1>(0, 2).norm() >= case.delassus[(2, 2)];
-        jams += usize::from(unbounded);
         for (law, refused) in LAW_NAMES.into_iter().zip(&mut refusals) {
             match case.resolved(law) {
                 Ok(hit) => {
@@ -154,7 +153,6 @@ fn rank_deficient_matrices_are_answered_or_refused_as_wedged() {
             }
         }
     }
-    println!("refusals {refusals:?} of {jams} that jam, {missed} of them with a solution in the scan");
     // Measured: 502 of 856 that jam, 18 with a solution.
     let whittaker = LAW_NAMES.iter().position(|&law| law == "whittaker").unwrap();
     assert!((400..600).contains(&refusals[whittaker]) && missed <= 25, "{refusals:?} {missed}");
