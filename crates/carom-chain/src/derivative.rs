@@ -1,4 +1,4 @@
-//! Derivatives of M and of the Jacobian of a point with respect to q, in closed form.
+//! Derivatives of M, of the inverse dynamics and of the Jacobian of a point, in closed form.
 //!
 //! A unit motion of joint k moves its subtree as one rigid body. In axes that move with the subtree, M x changes there only
 //! because the acceleration a_λ of the parent body (at joint accelerations x) turns backwards; on the joints between k and the
@@ -16,6 +16,22 @@
 //! ∂(yᵀ M x)/∂q_k = −F_k(y) · (s_k × a_λ(x)) − F_k(x) · (s_k × a_λ(y))
 //! ```
 //!
+//! **Inverse dynamics.** With velocities, too, the motion of joint k changes in these axes the velocity of every body of the subtree by
+//! w and its acceleration by c + w × v, and a unit of q̇_k changes the velocity by s_k and the acceleration by d + s_k × v:
+//!
+//! ```text
+//! w = v_λ × s_k,   c = a_λ × s_k + v_λ × w,   d = w + v_k × s_k
+//! ```
+//!
+//! Here a are the spatial accelerations at q̈ of a base that accelerates by −gravity. The force f = I a + v ×* I v on a body changes by
+//! I c + B w, or I d + B s_k, with B x = İ x + x ×* I v and the rate İ = v×* I − I v× of the inertia. Summed over a subtree, Iᶜ, İᶜ and
+//! the momentum h = Σ I v give
+//!
+//! ```text
+//! ∂τⱼ/∂q_k = sⱼ · (Iᶜⱼ c + Bᶜⱼ w),                        ∂τⱼ/∂q̇_k = sⱼ · (Iᶜⱼ d + Bᶜⱼ s_k)       j in the subtree of k
+//! ∂τⱼ/∂q_k = sⱼ · (s_k ×* F_k + Iᶜ_k c + Bᶜ_k w),          ∂τⱼ/∂q̇_k = sⱼ · (Iᶜ_k d + Bᶜ_k s_k)      j between k and the world
+//! ```
+//!
 //! A Jacobian column Jᵢ turns with joint k if it lies on the outer side of k, otherwise only the point moves:
 //!
 //! ```text
@@ -31,14 +47,18 @@
 //! | Iᶜ | composite inertia | `composite` |
 //! | Iᶜ s | momentum of the subtree at unit joint rate | `momentum` |
 //! | a, F | accelerations at joint accelerations x, a_λ that of the parent body; force of the subtree | `velocity`, `force` |
+//! | v, v_λ | velocities of a body and of the parent body of a joint | `velocity`, `below` |
+//! | İᶜ, h | rate of the composite inertia; momentum of the subtree | `rate`, `momentum` |
 //! | d | from the material point, which moves with its body, to the contact point: a vector that is constant in the world | `lever` |
 //!
-//! Source: Carpentier & Mansard, *Analytical derivatives of rigid body dynamics algorithms* (2018), for zero velocity.
+//! Source: Carpentier & Mansard, *Analytical derivatives of rigid body dynamics algorithms* (2018); those of M for zero velocity.
 
 use crate::algebra::{Algebra, Axis, Force, Inertia, Motion};
 use crate::body::Point;
+use crate::error::ChainError;
 use crate::kinematics::Kinematics;
 use crate::prepare::PreparedBody;
+use crate::scratch::Link;
 use nalgebra::{DMatrix, SMatrix};
 
 /// The first axis of the joint that body k belongs to: its own, or the first of a floating joint.
@@ -117,6 +137,94 @@ impl<A: Algebra> Kinematics<'_, A> {
             }
         }
         out
+    }
+
+    /// ∂τ/∂q and ∂τ/∂q̇, nv×nv each, of the inverse dynamics τ = M q̈ + C q̇ + g at these velocities and accelerations (length nv), in the
+    /// tangent space of q: column k is the derivative along the motion with unit `qd[k]`. `gravity` in world axes, m/s². ∂τ/∂q̈ is M.
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`].
+    pub fn inverse_dynamics_derivatives(
+        &mut self,
+        qd: &[A::Scalar],
+        qdd: &[A::Scalar],
+        gravity: A::Vector,
+    ) -> Result<[DMatrix<A::Scalar>; 2], ChainError> {
+        let (chain, n) = (self.chain, self.chain.bodies.len());
+        chain.check_nv("qd", qd.len())?;
+        chain.check_nv("qdd", qdd.len())?;
+        let prepared = &chain.prepared;
+        self.composites();
+        self.spread_velocity(qd);
+        let own = self.own_inertia();
+        let ws = &mut *self.ws;
+        let links = &ws.links;
+        let base = Motion { angular: A::zero_angular(), linear: -gravity };
+        // v_λ and a_λ at the origin of each body, and the accelerations of the bodies.
+        let (mut below, mut accelerations) = (Vec::with_capacity(n), Vec::<Motion<A>>::with_capacity(n));
+        for (j, body) in prepared.iter().enumerate() {
+            let (v, a) = prepared[first_axis(prepared, j)].parent.map_or((Motion::zero(), base), |p| {
+                let lever = links[j].position - links[p].position;
+                (ws.velocity[p].shifted(lever), accelerations[p].shifted(lever))
+            });
+            below.push((v, a));
+            let before = body.parent.map_or(base, |p| accelerations[p].shifted(links[j].offset));
+            let Link { axis, .. } = links[j];
+            let own = axis.at_rate(qdd[body.v_index]) + v.carry(axis.at_rate(qd[body.v_index]));
+            accelerations.push(before + own);
+        }
+        // h, F and İᶜ.
+        let mut momentum: Vec<Force<A>> = own.iter().zip(&ws.velocity).map(|(own, v)| own.apply(*v)).collect();
+        let mut rate: Vec<Inertia<A>> = own.iter().zip(&ws.velocity).map(|(own, v)| own.rate(*v)).collect();
+        for j in 0..n {
+            ws.force[j] = own[j].apply(accelerations[j]) + ws.velocity[j].carry_force(momentum[j]);
+        }
+        for j in (0..n).rev() {
+            if let Some(p) = prepared[j].parent {
+                let offset = links[j].offset;
+                let (carried, force, turned) =
+                    (momentum[j].shifted(offset), ws.force[j].shifted(offset), rate[j].shifted(offset));
+                momentum[p] += carried;
+                ws.force[p] += force;
+                rate[p] += turned;
+            }
+        }
+        // sⱼᵀ Iᶜⱼ and sⱼᵀ Bᶜⱼ.
+        let unit = |j: usize| links[j].axis.at_rate(nalgebra::convert(1.0));
+        let rows: Vec<[Force<A>; 2]> = (0..n)
+            .map(|j| {
+                let axis = links[j].axis;
+                [ws.inertia[j].along(axis), rate[j].along(axis) - unit(j).carry_force(momentum[j])]
+            })
+            .collect();
+        let (mut by_q, mut by_qd) = (DMatrix::zeros(chain.nv, chain.nv), DMatrix::zeros(chain.nv, chain.nv));
+        for (k, body) in prepared.iter().enumerate() {
+            let (first, v, s) = (first_axis(prepared, k), body.v_index, unit(k));
+            let last = (k + 1..n).take_while(|&j| A::rides_along(prepared[j].joint)).last().unwrap_or(k);
+            let (outer, acceleration) = below[k];
+            let w = outer.carry(s);
+            let c = acceleration.carry(s) + outer.carry(w);
+            let d = w + ws.velocity[last].carry(s);
+            for j in first..body.end {
+                let (r, u) = (links[j].position - links[k].position, prepared[j].v_index);
+                let [inertia, turned] = rows[j];
+                by_q[(u, v)] += inertia.power(c.shifted(r)) + turned.power(w.shifted(r));
+                by_qd[(u, v)] += inertia.power(d.shifted(r)) + turned.power(s.shifted(r));
+            }
+            let bent = |x: Motion<A>| rate[k].apply(x) + x.carry_force(momentum[k]);
+            let mut forces =
+                [s.carry_force(ws.force[k]) + ws.inertia[k].apply(c) + bent(w), ws.inertia[k].apply(d) + bent(s)];
+            let (mut at, mut next) = (links[k].position, prepared[first].parent);
+            while let Some(j) = next {
+                forces = forces.map(|force| force.shifted(at - links[j].position));
+                at = links[j].position;
+                let u = prepared[j].v_index;
+                by_q[(u, v)] += links[j].axis.dot(forces[0]);
+                by_qd[(u, v)] += links[j].axis.dot(forces[1]);
+                next = prepared[j].parent;
+            }
+        }
+        Ok([by_q, by_qd])
     }
 
     /// Inertias of the bodies, in world axes.

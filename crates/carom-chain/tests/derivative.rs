@@ -1,8 +1,8 @@
-//! Derivatives of M and J compared with dual numbers through the same recursions.
+//! Derivatives of M, J and the inverse dynamics compared with dual numbers through the same recursions.
 
 use crate::common::{Sample, Zoo, close, sample};
 use carom_chain::{Chain, Spatial};
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, Vector2, Vector3};
 use num_dual::Dual64;
 
 /// The chain of a sample over dual numbers at q, moved along the unit velocity k.
@@ -18,7 +18,7 @@ fn agrees(s: &mut Sample) {
     let name = s.chain.frames().last().unwrap().name.clone();
     let frame = s.chain.frame(&name).unwrap();
     let (offset, lever) = (s.vector(), s.vector());
-    let x = [s.v(), s.v()];
+    let (x, gravity) = ([s.v(), s.v()], s.vector());
     let mut ws = s.chain.workspace();
     let mut kin = ws.update(&s.chain, &q).unwrap();
     let scale = kin.mass_matrix().amax() * x.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs())) + 1e-300;
@@ -30,11 +30,23 @@ fn agrees(s: &mut Sample) {
         (0..3).for_each(|row| rates[k][(row, i)] += rate[row]);
     });
 
+    let [by_q, by_qd] = kin.inverse_dynamics_derivatives(&x[0], &x[1], gravity).unwrap();
+    let fastest = x[0].iter().fold(1.0_f64, |m, x| m.max(x.abs()));
+    let forces = kin.inverse_dynamics(&x[0], &x[1], gravity).unwrap().amax().max(scale * fastest * fastest);
+
     let chain: Chain<Spatial<Dual64>> = s.chain.cast();
     let mut ws = chain.workspace();
     for (k, rates) in rates.iter().enumerate() {
         let mut kin = ws.update(&chain, &dual_q(&s.chain, &q, k)).unwrap();
         let m = kin.mass_matrix().map(|entry| entry.eps);
+        let [qd, qdd] = x.each_ref().map(|x| x.iter().map(|x| Dual64::from_re(*x)).collect::<Vec<_>>());
+        let g = gravity.map(Dual64::from_re);
+        let wanted = kin.inverse_dynamics(&qd, &qdd, g).unwrap().map(|tau| tau.eps);
+        close("∂τ/∂q", by_q.column(k).iter(), wanted.iter(), 1e-12, forces);
+        let mut turning = qd.clone();
+        turning[k].eps = 1.0;
+        let both = kin.inverse_dynamics(&turning, &qdd, g).unwrap().map(|tau| tau.eps);
+        close("∂τ/∂q̇", by_qd.column(k).iter(), (both - wanted).iter(), 1e-12, forces);
         for (x, found) in x.iter().zip(&found) {
             let wanted = m.clone() * nalgebra::DVector::from_column_slice(x);
             close("∂(Mx)", found.column(k).iter(), wanted.iter(), 1e-13, scale);
@@ -57,6 +69,23 @@ fn agrees(s: &mut Sample) {
 fn derivatives_of_m_and_j_equal_those_by_dual_numbers() {
     for seed in 0..200 {
         agrees(&mut sample(1 + seed as usize % 9, Zoo::All, seed));
+    }
+}
+
+#[test]
+fn derivatives_of_the_inverse_dynamics_in_the_plane_are_those_in_space() {
+    for seed in 0..100 {
+        let mut s = sample(1 + seed as usize % 7, Zoo::Plane, seed);
+        let Ok(flat) = s.chain.to_planar() else { continue };
+        let (q, qd, qdd) = (s.q(), s.v(), s.v());
+        let (mut ws, mut flat_ws) = (s.chain.workspace(), flat.chain.workspace());
+        let gravity = flat.plane.lift(Vector2::new(0.3, -9.0));
+        let wanted = ws.update(&s.chain, &q).unwrap().inverse_dynamics_derivatives(&qd, &qdd, gravity).unwrap();
+        let mut kin = flat_ws.update(&flat.chain, &q).unwrap();
+        let found = kin.inverse_dynamics_derivatives(&qd, &qdd, Vector2::new(0.3, -9.0)).unwrap();
+        for (found, wanted) in found.iter().zip(&wanted) {
+            close("in the plane", found.iter(), wanted.iter(), 1e-12, 1.0);
+        }
     }
 }
 

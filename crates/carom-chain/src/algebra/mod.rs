@@ -166,6 +166,8 @@ pub trait Geometry: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 's
     fn rotate_inertia(a: Self::Rotation, i: Self::Rotational) -> Self::Rotational;
     /// I ω
     fn apply_inertia(i: Self::Rotational, w: Self::Angular) -> Self::Angular;
+    /// ω× I + (ω× I)ᵀ: the rate of the rotational inertia of a body that turns (zero in the plane).
+    fn inertia_rate(i: Self::Rotational, w: Self::Angular) -> Self::Rotational;
     /// The sum of the principal moments of inertia; in the plane the inertia itself.
     fn trace(i: Self::Rotational) -> Self::Scalar;
     /// I⁻¹ n, also for an inertia that is zero about an axis (a thin rod). `None` if n has a component along such an axis
@@ -492,6 +494,17 @@ impl<A: Algebra> Inertia<A> {
                 Force { moment: A::apply_inertia(self.rotational, z), force: A::swing(z, self.first_moment) }
             }
             Axis::Slide(z) => Force { moment: A::moment(self.first_moment, z), force: z * self.mass },
+        }
+    }
+
+    /// dI/dt = v×* I − I v× about a fixed point, for a body of velocity v: its mass is zero.
+    #[inline(always)]
+    pub(crate) fn rate(&self, v: Motion<A>) -> Self {
+        let h = self.first_moment;
+        Self {
+            mass: A::Scalar::zero(),
+            first_moment: self.apply(v).force,
+            rotational: A::inertia_rate(self.rotational, v.angular) + A::parallel_axis(h + h, v.linear),
         }
     }
 

@@ -127,6 +127,10 @@ impl<T: Real> Geometry for Planar<T> {
         i * w
     }
     #[inline(always)]
+    fn inertia_rate(_: T, _: T) -> T {
+        T::zero()
+    }
+    #[inline(always)]
     fn trace(i: T) -> T {
         i
     }

@@ -195,6 +195,13 @@ impl<T: Real> Geometry for Spatial<T> {
         i * w
     }
     #[inline(always)]
+    fn inertia_rate(i: Symmetric3<T>, w: Vector3<T>) -> Symmetric3<T> {
+        let m = i.matrix();
+        let turned =
+            columns(Self::moment(w, column(&m, 0)), Self::moment(w, column(&m, 1)), Self::moment(w, column(&m, 2)));
+        Symmetric3::of(&turned) * nalgebra::convert::<f64, T>(2.0)
+    }
+    #[inline(always)]
     fn trace(i: Symmetric3<T>) -> T {
         i.diagonal.x + i.diagonal.y + i.diagonal.z
     }
