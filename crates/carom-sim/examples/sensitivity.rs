@@ -1,4 +1,5 @@
-//! Time of all derivatives of a run of a scene, beside the time of the run itself; the shortest of several.
+//! Time of all derivatives of a run of a scene, and of the gradient of one number of its final state by the adjoint, beside the time of the
+//! run itself; the shortest of several.
 //!
 //! `cargo run --release -p carom-sim --example sensitivity -- strike7 [DURATION]`
 
@@ -18,13 +19,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let found = plan.sensitivity(duration, &parameters)?;
     let run = best(|| plan.stream(duration, Sampling::default(), &mut |_| {}).map(|_| ()))?;
     let all = best(|| plan.sensitivity(duration, &parameters).map(|_| ()))?;
+    let mut weights = vec![0.0; 2 * plan.simulation.chain.nv()];
+    weights[0] = 1.0;
+    let gradient = match found.broken {
+        None => best(|| plan.linear_run(duration, &parameters)?.vjp(&weights, &[]).map(|_| ()))?,
+        Some(_) => f64::NAN,
+    };
     println!(
-        "{name}, {duration} s: {} columns, {} events, run {:.3} ms, all derivatives {:.3} ms, {:.1} times",
+        "{name}, {duration} s: {} columns, {} events, run {:.3} ms, all derivatives {:.1} runs, one gradient {:.1} runs",
         found.names.len(),
         found.events.len(),
         run * 1e3,
-        all * 1e3,
-        all / run
+        all / run,
+        gradient / run
     );
     if let Some(broken) = found.broken {
         println!("the derivatives end at {} s: {}", broken.time, broken.reason);

@@ -30,6 +30,17 @@ pub enum SimError {
         /// The link.
         link: String,
     },
+    /// The outcome of a run is not differentiable.
+    #[error(
+        "the run has no derivative: at {time} s {reason}; shorten the duration to before that time, or change the start, a coefficient or \
+         the method (`method = \"events\"`)"
+    )]
+    NoDerivative {
+        /// Time, s.
+        time: f64,
+        /// Why.
+        reason: String,
+    },
     /// The normal direction is singular (nᵀHn = 0): no joint moves the contact point along it.
     #[error(
         "at this pose no joint moves '{link}' along the normal {n:?} (singular direction): the load would pass into \

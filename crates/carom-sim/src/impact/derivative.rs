@@ -98,7 +98,7 @@ pub struct RowRates<const D: usize = 3> {
 }
 
 impl<const D: usize> RowRates<D> {
-    fn zeros(nv: usize, directions: usize) -> Self {
+    pub(crate) fn zeros(nv: usize, directions: usize) -> Self {
         Self { rows: vec![SVector::zeros(); nv * directions], surface: vec![SVector::zeros(); directions] }
     }
 
@@ -113,6 +113,12 @@ impl<const D: usize> RowRates<D> {
         let mut rates = Self::zeros(nv, directions);
         kin.for_each_jacobian_derivative(point, lever, |i, k, rate| rates.rows[k * nv + i] += axes.tr_mul(&rate));
         rates
+    }
+
+    /// Sets the derivatives of the columns of J and of the surface's velocity in direction k.
+    pub(crate) fn set(&mut self, k: usize, (columns, surface): (Vec<SVector<f64, D>>, SVector<f64, D>)) {
+        self.rows[k * columns.len()..][..columns.len()].copy_from_slice(&columns);
+        self.surface[k] = surface;
     }
 
     /// The derivatives of the columns of J in direction k.
@@ -234,7 +240,7 @@ pub(crate) struct Derivatives {
 }
 
 /// The derivatives of qd⁺ from the columns of J and their rates, the rows of X, and the derivative of the law.
-pub(crate) fn differentiate<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+pub(crate) fn differentiate<A: Algebra<Scalar = f64>, const D: usize>(
     kin: &mut Kinematics<A>,
     qd: &[f64],
     (rows, rates): (&[SVector<f64, D>], &RowRates<D>),

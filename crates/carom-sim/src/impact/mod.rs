@@ -15,6 +15,7 @@ mod together;
 
 pub use contact::{Contact, ImpactBand};
 pub use derivative::{ContactRows, ImpactDerivative, PlaneContact, RowContact};
+pub(crate) use derivative::{Derivatives, RowRates, differentiate};
 pub use frictionless::{FrictionlessJump, Jumped, Outcomes, frictionless_jump_into};
 pub use hit::ChainImpact;
 pub use joints::JointModel;

@@ -29,7 +29,7 @@ use super::scale::SLOWEST;
 use super::smooth::Motion;
 use crate::contact::{At, Memory};
 use crate::error::SimError;
-use crate::state::Space;
+use crate::state::{Space, View};
 use carom_chain::urdf::JointType;
 use nalgebra::{DVector, Vector3};
 
@@ -97,7 +97,21 @@ impl<A: Space> Motion<'_, A> {
         detail: Detail,
         found: &mut Assembled,
     ) -> Result<(), SimError> {
-        let (q, qd) = self.split(y);
+        let gravity = self.sim.gravity;
+        let (_, qd) = self.sim.split(y);
+        let mut view = self.place((time, y), lasting, detail.locks, found)?;
+        found.respond(&mut view, (qd, gravity), detail.own)
+    }
+
+    /// The constraints of [`Motion::assemble`] and the joint forces beside theirs, without what needs M; and the chain at this state.
+    pub fn place(
+        &mut self,
+        (time, y): (f64, &[f64]),
+        lasting: &[Lasting],
+        locks: bool,
+        found: &mut Assembled,
+    ) -> Result<View<'_, A>, SimError> {
+        let (q, qd) = self.sim.split(y);
         let sim = self.sim;
         let mut numerical = Vec::new();
         for own in lasting.iter().filter(|own| own.is_rigid() && !sim.touches[own.touch].has_closed_drift()) {
@@ -105,13 +119,12 @@ impl<A: Space> Motion<'_, A> {
         }
         let mut numerical = numerical.into_iter();
         found.power = self.apply(time, q, qd, &mut found.tau)?;
-        let locks = detail.locks && self.may_lock();
+        let locks = locks && self.may_lock();
         self.lock(lasting, locks, &mut found.locked);
-        let dry = std::mem::take(&mut self.active.dry);
-        let bristles = std::mem::take(&mut self.bristles);
         let noise = self.noise();
         let tail = &y[q.len() + qd.len() + 2..];
-        let mut view = self.view(q)?;
+        let Self { model, workspace, couplings, active, bristles, .. } = self;
+        let mut view = View::closed_by(*model, workspace, q, couplings)?;
         found.constraints.clear();
         found.pressed.clear();
         let placed: Vec<At<A>> = lasting.iter().map(|own| sim.touches[own.touch].at(&view, q, time)).collect();
@@ -144,11 +157,9 @@ impl<A: Space> Motion<'_, A> {
             }
         }
         if !locks {
-            found.constraints.hold(&dry);
+            found.constraints.hold(&active.dry);
         }
-        let done = found.respond(&mut view, (qd, sim.gravity), detail.own);
-        (self.active.dry, self.bristles) = (dry, bristles);
-        done
+        Ok(view)
     }
 
     /// The forces of drive, resistance and compliant contacts at a state.

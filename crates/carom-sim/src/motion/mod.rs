@@ -16,6 +16,7 @@ mod rows;
 mod scale;
 mod select;
 mod settle;
+mod slope;
 mod smooth;
 mod starting;
 mod unique;

@@ -1,14 +1,18 @@
 //! The event at the end of a leg as a map E from time and state before it to time and state after it, which `sensitivity.rs`
-//! differentiates.
+//! differentiates; and its derivative in closed form where it is the impact of one touch that opens again.
 
 use super::guard::Ending;
 use super::guard::{Guard, GuardValue, Is, look};
 use super::history::History;
 use super::run_state::Run;
 use crate::error::SimError;
+use crate::impact::{Derivatives, RowRates, differentiate};
 use crate::motion::ActiveSet;
-use crate::state::Space;
-use nalgebra::DVector;
+use crate::state::{CLEAR, Space};
+use carom_chain::Rows;
+use carom_chain::algebra::z_onto;
+use carom_impact::{Frictionless, ImpactProblem, Law};
+use nalgebra::{DVector, Matrix3, Vector3};
 
 /// Step of the differences of guards.
 pub(crate) const WIDE: f64 = 1e-4;
@@ -128,4 +132,75 @@ pub(crate) fn outcome<A: Space>(
     run.history.clone_from(&before.history);
     run.act(before.ending)?;
     Ok((DVector::from_vec(run.x()), run.time))
+}
+
+/// The derivative of the impact of one touch, in closed form: of q̇⁺ by q (in its tangent space), q̇⁻ and time.
+///
+/// `None` for a user's law, at the border of a mode of the law, and where another gap is closed.
+pub(crate) fn jump<A: Space>(run: &mut Run<A>, touch: usize, before: &Before) -> Result<Option<Derivatives>, SimError> {
+    run.motion.active = before.active.clone();
+    let (time, x) = (before.time, before.x.as_slice());
+    let (nq, nv, sim) = (run.motion.sim.chain.nq(), run.motion.sim.chain.nv(), run.motion.sim);
+    let y = run.y_of(x);
+    let scale = &run.motion.scale;
+    let closed: Vec<f64> = (0..sim.touches.len()).map(|k| scale.touching(k)).collect();
+    let mut gaps = run.motion.all_gaps(time, &y)?.into_iter();
+    if gaps.any(|(k, (gap, _))| k != touch && gap <= closed[k]) {
+        return Ok(None);
+    }
+    let one = &sim.touches[touch];
+    // The columns of J and the velocity of the surface, in contact axes.
+    let rows = |run: &mut Run<A>, time: f64, q: &[f64]| -> Result<DVector<f64>, SimError> {
+        let near = one.near(time);
+        let one = near.as_ref().unwrap_or(one);
+        let view = run.motion.view(q)?;
+        let at = one.at(&view, q, time);
+        let (mut rows, mut surface) = (Rows::new(nv), Vector3::zeros());
+        if let Some(place) = at.surface {
+            let axes = z_onto(place.normal);
+            axes.column_iter().try_for_each(|axis| place.row_into(&view, axis.into(), rows.add()))?;
+            surface = axes.tr_mul(&one.surface_velocity(&place, time));
+        } else {
+            rows.add();
+            rows.add();
+            one.row_into(&at, &view, rows.add())?;
+        }
+        let columns = (0..nv).flat_map(|i| [0, 1, 2].map(|k| rows.row(k)[i]));
+        Ok(DVector::from_iterator(3 * nv + 3, columns.chain(surface.iter().copied())))
+    };
+    let split = |numbers: DVector<f64>| {
+        let mut columns: Vec<Vector3<f64>> = numbers.as_slice().chunks(3).map(Vector3::from_column_slice).collect();
+        let surface = columns.pop().unwrap_or_default();
+        (columns, surface)
+    };
+    let (q, qd) = (&x[..nq], &x[nq..nq + nv]);
+    let (columns, surface) = split(rows(run, time, q)?);
+    let tangent = run.tangent(x);
+    let mut rates = RowRates::zeros(nv, nv + 1);
+    for k in 0..nv {
+        let by = run.difference(x, tangent.column(k), f64::INFINITY, |run, x| rows(run, time, &x[..nq]))?;
+        rates.set(k, split(by));
+    }
+    if one.motion.is_some() {
+        let here = DVector::from_vec(vec![1.0]);
+        let by = run.difference(&[0.0], here.column(0), f64::INFINITY, |run, by| rows(run, time + by[0], q))?;
+        rates.set(nv, split(by));
+    }
+    let mut view = run.motion.view(q)?;
+    let (mut along, mut answers) = (Rows::new(nv), Rows::default());
+    for axis in 0..3 {
+        along.add().iter_mut().zip(&columns).for_each(|(entry, column)| *entry = column[axis]);
+    }
+    view.respond(&along, &mut answers)?;
+    let response: Vec<Vector3<f64>> = (0..nv).map(|i| Vector3::from_fn(|axis, _| answers.row(axis)[i])).collect();
+    let delassus: Matrix3<f64> = columns.iter().zip(&response).map(|(j, x)| j * x.transpose()).sum();
+    let u = columns.iter().zip(qd).map(|(j, v)| j * *v).sum::<Vector3<f64>>() - surface;
+    let plain = Frictionless { restitution: one.contact.law.restitution() };
+    let law: &dyn Law<f64, 3> = if one.link().is_some() { &*one.contact.law } else { &plain };
+    let problem = ImpactProblem::from_gram(delassus, u)?;
+    let (Ok(borders), Ok(law)) = (problem.boundaries(law), problem.differentiate(law)) else { return Ok(None) };
+    if borders.first().is_some_and(|nearest| nearest.margin <= CLEAR) {
+        return Ok(None);
+    }
+    differentiate(&mut view.kin, qd, (&columns, &rates), &response, &law).map(Some)
 }

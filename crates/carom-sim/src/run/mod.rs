@@ -13,6 +13,7 @@ mod impacts;
 mod leap;
 mod leg;
 
+mod linear_run;
 mod modes;
 mod named;
 mod observer;
@@ -27,6 +28,7 @@ mod stream;
 mod trajectory;
 mod variation;
 
+pub use linear_run::LinearRun;
 pub use named::{AtContact, NamedEvent, UnderLaw};
 pub use sensitivity::{Broken, EventTime, Sensitivity};
 pub use session::{Advance, Session, SessionState};

@@ -2,10 +2,11 @@
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
-//! | S⁻, S⁺ | n×k | derivatives before and after an event | `s` |
+//! | S⁻, S⁺ | n×k | derivatives before and after an event | – |
 //! | w | 1 | the guard that fired | – |
 //! | τ′ | k | derivatives of the time of the event | `time_by` |
 //! | E | – | what an event does: (t, x) before it to (t, x) after it | `crossing.rs` |
+//! | Ξ | n⁺×n | saltation matrix: S⁺ = Ξ S⁻ + the columns of the parameters | [`LinearEvent`] |
 //!
 //! Between events S follows the variational equations (`variation.rs`). An event at w(t, x) = 0 has
 //! τ′ = −(∂w S⁻ + ∂ₚw)/ẇ. For a change of the j-th quantity by δ the event takes place at t + τ′ⱼδ in the state
@@ -15,26 +16,32 @@
 //! S⁺ⱼ = dE/dδ − f⁺ dt⁺/dδ
 //! ```
 //!
-//! where t⁺ is the time after the event, which differs from t at the end of an accumulation of impacts. This is the saltation
-//! matrix (Aizerman & Gantmacher 1958; Leine & Nijmeijer 2004, section 7) of every event, whatever it consists of: an impact, the
-//! impact of several contacts, the beginning and the end of a contact, slip that stops. dE/dδ is a central difference of fourth
-//! order of the program that computes the event, from states that are on the constraints and on w = 0.
+//! where t⁺ is the time after the event, which differs from t at the end of an accumulation of impacts. With S⁻ = 1 this is the
+//! saltation matrix (Aizerman & Gantmacher 1958; Leine & Nijmeijer 2004, section 7) of every event, whatever it consists of: an impact,
+//! the impact of several contacts, the beginning and the end of a contact, slip that stops. Of the impact of one touch that opens again
+//! dE/dδ has a closed form; otherwise it is a central difference of fourth order of the program that computes the event, from states that
+//! are on the constraints and on w = 0.
+//!
+//! The run is a product of these linear maps: [`LinearRun`] applies them to changes of the start and the parameters, or their transposes,
+//! last one first, to the derivatives of a number by the outcome (the adjoint method). [`Sensitivity`] applies them to all changes at once.
 //!
 //! **Where there is no derivative** the events of neighbouring motions are others, and E has a kink or a jump: it is compared
 //! with its own second differences, and the modes after the event must be the same.
 
-use super::crossing::{After, Before, WIDE, normal, outcome, rate, value};
+use super::crossing::{After, Before, WIDE, jump, normal, outcome, rate, value};
 use super::guard::Ending;
 use super::guard::Is;
+use super::linear_run::{LinearEvent, LinearRun, Piece, Pieces};
 use super::run_state::Run;
 use super::sampler::Step;
-use super::trajectory::{Sampling, Seen};
-use super::variation::{Gauss, left_inverse, over_step};
+use super::trajectory::{EventKind, Sampling, Seen};
+use super::variation::{AT, Gauss, LinearStep, WEIGHTS, left_inverse};
 use crate::error::SimError;
+use crate::impact::Derivatives;
 use crate::model::{Parameter, Simulation};
-use crate::motion::ActiveSet;
+use crate::motion::{ActiveSet, Dry, Lasting};
 use crate::plan::Plan;
-use crate::state::{Moment, Space};
+use crate::state::{EXACT, Moment, Space};
 use carom_chain::{Coordinates, Planar, PlanarChain, Spatial};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -103,7 +110,7 @@ impl Simulation {
     /// Runs from `(q, qd)` for `duration` seconds, and differentiates the final state and the times of the events by the initial
     /// state and by these parameters.
     ///
-    /// The derivatives are those of the motion that is computed, to about 1e-8 of their size. Those of a start in which contacts
+    /// The derivatives are those of the motion that is computed, to about 1e-10 of their size. Those of a start in which contacts
     /// last, or dry friction holds joints, compare it with the nearest starts in which they do. Where a contact or a joint at rest
     /// begins to move at the start, the motion has a kink there in its velocity, and the derivatives are those of the side on which it
     /// has the direction in which it begins to move.
@@ -117,7 +124,22 @@ impl Simulation {
         duration: f64,
         parameters: &[Parameter],
     ) -> Result<Sensitivity, SimError> {
-        differentiate(self, self.in_plane().as_ref(), (q, qd), duration, parameters)
+        all_columns(self, self.in_plane().as_ref(), (q, qd), duration, parameters)
+    }
+
+    /// Runs from `(q, qd)` for `duration` seconds, and keeps the run as a linear map, from changes of the initial state and of these
+    /// parameters to those of the final state and of the times of the events: see [`LinearRun`]. It needs memory for each step.
+    ///
+    /// # Errors
+    /// As [`Simulation::sensitivity`]; [`SimError::NoDerivative`] where the run has none.
+    pub fn linear_run(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        duration: f64,
+        parameters: &[Parameter],
+    ) -> Result<LinearRun, SimError> {
+        linear(self, self.in_plane().as_ref(), (q, qd), duration, parameters)
     }
 }
 
@@ -127,27 +149,126 @@ impl Plan {
     /// # Errors
     /// As [`Simulation::sensitivity`].
     pub fn sensitivity(&self, duration: f64, parameters: &[Parameter]) -> Result<Sensitivity, SimError> {
-        differentiate(&self.simulation, self.in_plane(), (&self.q, &self.qd), duration, parameters)
+        all_columns(&self.simulation, self.in_plane(), (&self.q, &self.qd), duration, parameters)
+    }
+
+    /// [`Simulation::linear_run`] of the plan from its start, in the plane that the plan has decided on.
+    ///
+    /// # Errors
+    /// As [`Simulation::linear_run`].
+    pub fn linear_run(&self, duration: f64, parameters: &[Parameter]) -> Result<LinearRun, SimError> {
+        linear(&self.simulation, self.in_plane(), (&self.q, &self.qd), duration, parameters)
     }
 }
 
-fn differentiate(
+fn all_columns(
     simulation: &Simulation,
     flat: Option<&PlanarChain>,
     start: (&[f64], &[f64]),
     duration: f64,
     parameters: &[Parameter],
 ) -> Result<Sensitivity, SimError> {
+    let mut all = AllColumns::new(2 * simulation.chain.nv(), parameters.len());
+    let end = differentiate(simulation, flat, (start, duration), parameters, &mut all)?;
+    let last_by = end.broken.is_none().then(|| end.tangent * &all.s);
+    let (names, events) = (names(simulation, parameters), all.events);
+    Ok(Sensitivity { names, last: end.last, last_by, events, broken: end.broken })
+}
+
+fn linear(
+    simulation: &Simulation,
+    flat: Option<&PlanarChain>,
+    start: (&[f64], &[f64]),
+    duration: f64,
+    parameters: &[Parameter],
+) -> Result<LinearRun, SimError> {
+    let mut pieces = Pieces::new(AllColumns::new(2 * simulation.chain.nv(), parameters.len()));
+    let end = differentiate(simulation, flat, (start, duration), parameters, &mut pieces)?;
+    if let Some(Broken { time, reason }) = end.broken {
+        return Err(SimError::NoDerivative { time, reason });
+    }
+    Ok(LinearRun::new(names(simulation, parameters), parameters.len(), end.last, pieces, end.tangent))
+}
+
+/// The end of a run that was differentiated.
+struct End {
+    last: Moment,
+    /// From x to the final displacement and velocity, 2nv×n.
+    tangent: DMatrix<f64>,
+    broken: Option<Broken>,
+}
+
+fn differentiate(
+    simulation: &Simulation,
+    flat: Option<&PlanarChain>,
+    (start, duration): ((&[f64], &[f64]), f64),
+    parameters: &[Parameter],
+    each: &mut dyn Maps,
+) -> Result<End, SimError> {
     simulation.check(start.0, start.1, duration, None)?;
     match flat {
-        Some(model) => follow::<Planar<f64>>(simulation, model, start, duration, parameters),
-        None => follow::<Spatial<f64>>(simulation, &simulation.chain, start, duration, parameters),
+        Some(model) => follow::<Planar<f64>>(simulation, model, start, duration, parameters, each),
+        None => follow::<Spatial<f64>>(simulation, &simulation.chain, start, duration, parameters, each),
     }
 }
 
-/// The multiples of the difference step at which an event is evaluated, and the weights of the derivative.
-const AT: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
-const WEIGHTS: [f64; 4] = [1.0 / 12.0, -8.0 / 12.0, 8.0 / 12.0, -1.0 / 12.0];
+/// What is done with the linear maps of a run, first one first.
+pub(crate) trait Maps {
+    /// `None` where the equations of the map are singular.
+    fn add(&mut self, piece: Piece) -> Option<()>;
+    /// S up to now.
+    fn columns(&mut self) -> Option<DMatrix<f64>>;
+}
+
+/// S, of which all columns are carried on.
+pub(crate) struct AllColumns {
+    gauss: Gauss,
+    /// The changes of the parameters that belong to the columns.
+    changes: DMatrix<f64>,
+    s: DMatrix<f64>,
+    events: Vec<EventTime>,
+}
+
+impl AllColumns {
+    /// Of the derivatives by a start of `moving` numbers and by parameters.
+    pub fn new(moving: usize, parameters: usize) -> Self {
+        let columns = moving + parameters;
+        let changes = DMatrix::from_fn(parameters, columns, |i, j| if i + moving == j { 1.0 } else { 0.0 });
+        Self { gauss: Gauss::new(), changes, s: DMatrix::zeros(0, columns), events: Vec::new() }
+    }
+
+    /// S after another map.
+    pub fn pass(&mut self, piece: &Piece) -> Option<()> {
+        match piece {
+            Piece::Start(start) => {
+                self.s = DMatrix::zeros(start.nrows(), self.changes.ncols());
+                self.s.columns_mut(0, start.ncols()).copy_from(start);
+            }
+            Piece::Step(step) => self.s = step.forward(&self.gauss, &self.s, &self.changes)?,
+            Piece::Event(event) => {
+                let (after, mut time_by) = event.forward(&self.s, &self.changes);
+                self.s = after;
+                if !event.counts {
+                    time_by.fill(f64::NAN);
+                }
+                if !event.kinds.is_empty() {
+                    self.events.push(EventTime { time: event.time, kinds: event.kinds.clone(), time_by });
+                }
+            }
+        }
+        Some(())
+    }
+}
+
+impl Maps for AllColumns {
+    fn add(&mut self, piece: Piece) -> Option<()> {
+        self.pass(&piece)
+    }
+
+    fn columns(&mut self) -> Option<DMatrix<f64>> {
+        Some(self.s.clone())
+    }
+}
 
 /// A run with its derivatives.
 struct Follow<'a, 'w, A: Space> {
@@ -156,9 +277,13 @@ struct Follow<'a, 'w, A: Space> {
     probe: Run<'a, 'w, A>,
     /// For each parameter the simulations with the parameter changed by the multiples [`AT`] of a number, and that number.
     changed: Vec<([Run<'a, 'w, A>; 4], f64)>,
-    s: DMatrix<f64>,
-    gauss: Gauss,
-    kinds: &'a RefCell<Vec<&'static str>>,
+    kinds: &'a RefCell<Vec<Noted>>,
+}
+
+/// The name of an event, and the touch of the impact of one touch.
+struct Noted {
+    kind: &'static str,
+    touch: Option<usize>,
 }
 
 /// Why a step could not be differentiated.
@@ -184,10 +309,11 @@ fn follow<A: Space>(
     start: (&[f64], &[f64]),
     duration: f64,
     parameters: &[Parameter],
-) -> Result<Sensitivity, SimError> {
+    each: &mut dyn Maps,
+) -> Result<End, SimError> {
     let mut sims = Vec::new();
     for parameter in parameters {
-        let by = 0.1 * DIFFERENCE * parameter.scale();
+        let by = DIFFERENCE * parameter.scale();
         let changed = AT.map(|times| parameter.apply(sim, times * by));
         if changed.iter().any(|other| other.chain != sim.chain || other.touches.len() != sim.touches.len()) {
             let rule =
@@ -199,7 +325,11 @@ fn follow<A: Space>(
     let kinds = RefCell::new(Vec::new());
     let mut note = |seen: Seen| {
         if let Seen::Event(event) = seen {
-            kinds.borrow_mut().push(event.kind.name());
+            let touch = match event.kind {
+                EventKind::Impact { touch, .. } | EventKind::Limit { touch, .. } => Some(touch),
+                _ => None,
+            };
+            kinds.borrow_mut().push(Noted { kind: event.kind.name(), touch });
         }
     };
     let run = Run::<A>::at_start(sim, model, start, Sampling::default(), &mut note)?;
@@ -210,11 +340,9 @@ fn follow<A: Space>(
         let [a, b, c, d] = sims;
         changed.push(([beside(a)?, beside(b)?, beside(c)?, beside(d)?], *by));
     }
-    let s = DMatrix::zeros(0, 0);
-    let mut follow = Follow { run, probe, changed, s, gauss: Gauss::new(), kinds: &kinds };
-    let mut events = Vec::new();
+    let mut follow = Follow { run, probe, changed, kinds: &kinds };
     let end = sim.start_time + duration;
-    let broken = match follow.whole(end, &mut events) {
+    let broken = match follow.whole(end, each) {
         Ok(()) => None,
         Err(Stop::Broken(broken)) => Some(broken),
         Err(Stop::Error(SimError::Jam { time, touch, .. })) => {
@@ -222,11 +350,12 @@ fn follow<A: Space>(
         }
         Err(Stop::Error(error)) => return Err(error),
     };
-    let last_by = if broken.is_none() { Some(follow.last_by()) } else { None };
+    let x = follow.run.x();
+    let moving = 2 * sim.chain.nv();
+    let tangent = left_inverse(&follow.run.tangent(&x)).rows(0, moving).into_owned();
     follow.run.until_end(false)?;
     let (q, qd) = follow.run.q_qd();
-    let last = Moment { time: follow.run.time, q, qd };
-    Ok(Sensitivity { names: names(sim, parameters), last, last_by, events, broken })
+    Ok(End { last: Moment { time: follow.run.time, q, qd }, tangent, broken })
 }
 
 /// The names of the columns.
@@ -249,21 +378,24 @@ fn names(sim: &Simulation, parameters: &[Parameter]) -> Vec<String> {
 
 impl<A: Space> Follow<'_, '_, A> {
     fn broken<T>(&self, time: f64, reason: &str) -> Result<T, Stop> {
-        let kinds = self.kinds.borrow();
+        let kinds: Vec<&str> = self.kinds.borrow().iter().map(|noted| noted.kind).collect();
         let told = if kinds.is_empty() { String::new() } else { format!("{}: ", kinds.join(", ")) };
         Err(Stop::Broken(Broken { time, reason: told + reason }))
     }
 
     /// The whole run.
-    fn whole(&mut self, end: f64, events: &mut Vec<EventTime>) -> Result<(), Stop> {
+    fn whole(&mut self, end: f64, each: &mut dyn Maps) -> Result<(), Stop> {
         let time = self.run.time;
         (self.run.end, self.run.history.follows_slips) = (end, true);
         self.run.begin()?;
-        if self.kinds.borrow().iter().any(|kind| IMPACTS.contains(kind)) {
+        if self.kinds.borrow().iter().any(|noted| IMPACTS.contains(&noted.kind)) {
             return self.broken(time, "it begins with an impact, and neighbouring starts begin before or after it");
         }
         self.kinds.borrow_mut().clear();
-        self.at_start()?;
+        let x = self.run.x();
+        let active = self.run.motion.active.clone();
+        let start = self.neighbours(time, &x, &active)?.columns(0, 2 * self.run.motion.sim.chain.nv()).into_owned();
+        each.add(Piece::Start(start));
         while self.run.time < end {
             if self.run.motion.active.stepping {
                 return self.broken(self.run.time, "time steps have no derivative");
@@ -271,23 +403,25 @@ impl<A: Space> Follow<'_, '_, A> {
             if self.run.history.events >= self.run.motion.sim.max_events {
                 return Ok(());
             }
-            self.leg(events)?;
+            self.leg(each)?;
         }
         Ok(())
     }
 
-    /// The derivatives of the start: of the states nearest to its neighbours in which the contacts that last are closed.
-    fn at_start(&mut self) -> Result<(), SimError> {
-        let x = self.run.x();
-        let active = self.run.motion.active.clone();
-        let tangent = self.run.tangent(&x);
-        let moving = 2 * self.run.motion.sim.chain.nv();
-        self.s = DMatrix::zeros(x.len(), moving + self.changed.len());
-        let time = self.run.time;
-        for j in 0..moving {
+    /// The directions in which x can change: those of the nearest states in which the contacts of the mode are closed, its held joints
+    /// rest and the loops are closed.
+    fn neighbours(&mut self, time: f64, x: &[f64], active: &ActiveSet) -> Result<DMatrix<f64>, SimError> {
+        let mut tangent = self.probe.tangent(x);
+        let bound = active.lasting.iter().any(Lasting::is_rigid)
+            || active.dry.iter().any(|joint| joint.state == Dry::Holds)
+            || !self.probe.motion.couplings.is_empty();
+        if !bound {
+            return Ok(tangent);
+        }
+        for mut column in tangent.column_iter_mut().take(2 * self.run.motion.sim.chain.nv()) {
             let mut slope = DVector::zeros(x.len());
             for (times, weight) in AT.iter().zip(WEIGHTS) {
-                let moved = DVector::from_column_slice(&x) + tangent.column(j) * (times * DIFFERENCE);
+                let moved = DVector::from_column_slice(x) + &column * (times * DIFFERENCE);
                 let probe = &mut self.probe;
                 probe.motion.active = active.clone();
                 let mut y = probe.y_of(moved.as_slice());
@@ -295,13 +429,13 @@ impl<A: Space> Follow<'_, '_, A> {
                 probe.motion.settle(time, &mut y)?;
                 slope += DVector::from_vec(probe.x_of(&y, &moved.as_slice()[y.len() - 2..])) * (weight / DIFFERENCE);
             }
-            self.s.set_column(j, &slope);
+            column.copy_from(&slope);
         }
-        Ok(())
+        Ok(tangent)
     }
 
     /// One leg, and the event at its end.
-    fn leg(&mut self, events: &mut Vec<EventTime>) -> Result<(), Stop> {
+    fn leg(&mut self, each: &mut dyn Maps) -> Result<(), Stop> {
         let mut active = self.run.motion.active.clone();
         self.run.sampler.path = Some(Vec::new());
         let ending = self.run.leg()?;
@@ -311,7 +445,10 @@ impl<A: Space> Follow<'_, '_, A> {
             runs.iter_mut().for_each(|run| run.motion.active = active.clone());
         }
         for step in &path {
-            self.s = over_step(&self.gauss, step, &mut self.probe, &mut self.changed, &self.s)?;
+            let linear = LinearStep::of(step, &mut self.probe, &mut self.changed)?;
+            let failed =
+                || SimError::Integration { time: step.start, reason: "the variational equations are singular".into() };
+            each.add(Piece::Step(linear)).ok_or_else(failed)?;
             active = self.probe.motion.active.clone(); // with the last direction of slip
         }
         match ending {
@@ -321,12 +458,16 @@ impl<A: Space> Follow<'_, '_, A> {
                 self.run.act(ending)?;
                 self.broken(time, "the mode cannot be continued, and the motion jumps or is computed by time steps")
             }
-            Ending::Kink | Ending::Fired(_) => self.event(ending, &active, events),
+            Ending::Kink | Ending::Fired(_) => {
+                let event = self.event(ending, &active, each)?;
+                each.add(Piece::Event(event));
+                Ok(())
+            }
         }
     }
 
-    /// S⁺ and τ′.
-    fn event(&mut self, ending: Ending, active: &ActiveSet, events: &mut Vec<EventTime>) -> Result<(), Stop> {
+    /// Ξ, τ′, and what the parameters add.
+    fn event(&mut self, ending: Ending, active: &ActiveSet, each: &mut dyn Maps) -> Result<LinearEvent, Stop> {
         let (time, x) = (self.run.time, self.run.x());
         let f = self.probe.field(time, &x)?;
         let guard = if let Ending::Fired(guard) = ending { Some(guard) } else { None };
@@ -354,59 +495,89 @@ impl<A: Space> Follow<'_, '_, A> {
         let f = if rests { DVector::zeros(x.len()) } else { self.run.field(time_after, x.as_slice())? };
         let after = After { time: time_after, x, f, active: self.run.motion.active.clone() };
         let (middle, _) = outcome(&mut self.probe, &before, &after.active, (time, before.x.as_slice()), self.run.end)?;
-        let mut s = DMatrix::zeros(after.x.len(), self.s.ncols());
-        let mut time_by = Vec::with_capacity(s.ncols());
-        for j in 0..s.ncols() {
-            time_by.push(self.time_by(j, &before)?);
-            s.set_column(j, &self.column_after(j, time_by[j], &before, (&after, &middle))?);
+        let closed = match self.struck_alone(&before, &after) {
+            Some(touch) => jump(&mut self.probe, touch, &before)?,
+            None => None,
+        };
+        let tangent = self.probe.tangent(before.x.as_slice());
+        let inverse = left_inverse(&tangent);
+        // In closed form along all directions; otherwise along those in which changes of start and parameters lead, each as far as the
+        // others: beside them the constraints and the modes of the motion need not hold.
+        let (basis, coordinates) = match &closed {
+            Some(_) => (tangent, inverse.clone()),
+            None => directions(each.columns().unwrap_or(tangent)),
+        };
+        let mut map = DMatrix::zeros(after.x.len(), basis.ncols());
+        let mut time_by = DVector::zeros(basis.ncols());
+        for (j, own) in basis.column_iter().enumerate() {
+            let own = own.into_owned();
+            time_by[j] = self.time_by(&own, None, &before)?;
+            let column = match &closed {
+                Some(by) => struck((own, time_by[j]), by, &inverse, (&before, &after)),
+                None => self.column_after((own, time_by[j]), None, &before, (&after, &middle))?,
+            };
+            map.set_column(j, &column);
         }
-        self.s = s;
-        if !is_force && rate.abs() <= FAINT * pace {
-            time_by.fill(f64::NAN);
+        let parameters = self.changed.len();
+        let mut push = DMatrix::zeros(after.x.len(), parameters);
+        let mut time_push = DVector::zeros(parameters);
+        for p in 0..parameters {
+            let none = DVector::zeros(before.x.len());
+            time_push[p] = self.time_by(&none, Some(p), &before)?;
+            push.set_column(p, &self.column_after((none, time_push[p]), Some(p), &before, (&after, &middle))?);
         }
-        let kinds = std::mem::take(&mut *self.kinds.borrow_mut());
-        if !kinds.is_empty() {
-            events.push(EventTime { time, kinds, time_by });
-        }
-        Ok(())
+        Ok(LinearEvent {
+            time,
+            kinds: self.kinds.borrow_mut().drain(..).map(|noted| noted.kind).collect(),
+            map: map * &coordinates,
+            push,
+            time_by: coordinates.tr_mul(&time_by),
+            time_push,
+            counts: is_force || rate.abs() > FAINT * pace,
+        })
     }
 
-    /// The number of the parameter of a column of S, if it is that of one.
-    fn parameter(&self, j: usize) -> Option<usize> {
-        j.checked_sub(self.s.ncols() - self.changed.len())
+    /// The touch of an event that is its impact and nothing else, whose derivative has a closed form.
+    fn struck_alone(&self, before: &Before, after: &After) -> Option<usize> {
+        let sim = self.run.motion.sim;
+        let kinds = self.kinds.borrow();
+        let [Noted { touch: Some(touch), .. }] = kinds.as_slice() else { return None };
+        let gap = before.guard.is_some_and(|guard| guard.is() == Is::Gap);
+        let free = !before.active.lasting.iter().any(Lasting::is_rigid)
+            && !before.active.dry.iter().any(|joint| joint.state == Dry::Holds);
+        let same = before.active.is_alike(&after.active) && before.x.len() == after.x.len();
+        (gap && free && same && sim.loops.is_empty() && sim.neglect.is_none() && after.time == before.time)
+            .then_some(*touch)
     }
 
-    /// τ′ⱼ.
-    fn time_by(&mut self, j: usize, before: &Before) -> Result<f64, Stop> {
+    /// τ′ of a change of x, or of a parameter.
+    fn time_by(&mut self, own: &DVector<f64>, parameter: Option<usize>, before: &Before) -> Result<f64, Stop> {
         let Some(guard) = before.guard else { return Ok(0.0) };
-        let own = self.s.column(j).into_owned();
-        // GuardValue functions are smooth, so a larger step has less rounding.
+        // Guards are smooth, so a larger step has less rounding.
         let wide = WIDE / own.amax().max(1.0);
-        let parameter = self.parameter(j);
         let mut slope = 0.0;
         for (k, (times, weight)) in AT.iter().zip(WEIGHTS).enumerate() {
-            self.probe.motion.active = before.active.clone();
-            let beside = &before.x + &own * (times * wide);
-            slope += weight / wide * value(&mut self.probe, guard, before.time, beside.as_slice())?.value;
-            if let Some(p) = parameter {
-                let (runs, by) = &mut self.changed[p];
-                runs[k].motion.active = before.active.clone();
-                slope += weight / *by * value(&mut runs[k], guard, before.time, before.x.as_slice())?.value;
-            }
+            let (run, beside, step) = match parameter {
+                Some(p) => {
+                    let (runs, by) = &mut self.changed[p];
+                    (&mut runs[k], before.x.clone(), *by)
+                }
+                None => (&mut self.probe, &before.x + own * (times * wide), wide),
+            };
+            run.motion.active = before.active.clone();
+            slope += weight / step * value(run, guard, before.time, beside.as_slice())?.value;
         }
         Ok(-slope / before.rate)
     }
 
-    /// S⁺ⱼ. `middle`: the outcome without a change.
+    /// What a change of x, or of a parameter, becomes by the event. `middle`: the outcome without a change.
     fn column_after(
         &mut self,
-        j: usize,
-        time_by: f64,
+        (own, time_by): (DVector<f64>, f64),
+        parameter: Option<usize>,
         before: &Before,
         (after, middle): (&After, &DVector<f64>),
     ) -> Result<DVector<f64>, Stop> {
-        let own = self.s.column(j).into_owned();
-        let parameter = self.parameter(j);
         let mut h = parameter.map_or_else(|| DIFFERENCE / own.amax().max(1.0), |p| self.changed[p].1);
         let along = own + &before.f * time_by;
         h *= self.share(before, &along, h)?;
@@ -458,14 +629,41 @@ impl<A: Space> Follow<'_, '_, A> {
         let (nq, nv) = (self.run.motion.sim.chain.nq(), self.run.motion.sim.chain.nv());
         x[nq..nq + nv].iter().fold(1.0, |most: f64, v| most.max(v.abs()))
     }
+}
 
-    fn last_by(&mut self) -> DMatrix<f64> {
-        let x = self.run.x();
-        let moving = 2 * self.run.motion.sim.chain.nv();
-        let tangent = self.run.tangent(&x);
-        let own = if tangent.is_square() { self.s.clone() } else { left_inverse(&tangent) * &self.s };
-        own.rows(0, moving).into_owned()
+/// The directions of the columns of S, of which none counts as longer than one, by their singular values, the largest of size one; and the
+/// matrix of the coordinates of x along them.
+fn directions(mut s: DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+    s.column_iter_mut().for_each(|mut column| column /= column.amax().max(1.0));
+    let svd = s.svd(true, false);
+    let sizes = &svd.singular_values;
+    let u = svd.u.unwrap_or_default();
+    let most = sizes.max();
+    let kept: Vec<usize> = (0..sizes.len()).filter(|&i| sizes[i] > EXACT * most).collect();
+    let share = |i: usize| sizes[i] / most;
+    let basis = DMatrix::from_fn(u.nrows(), kept.len(), |r, i| u[(r, kept[i])] * share(kept[i]));
+    let coordinates = DMatrix::from_fn(kept.len(), u.nrows(), |i, r| u[(r, kept[i])] / share(kept[i]));
+    (basis, coordinates)
+}
+
+/// What a change of x, with the time of the event that it has, becomes by an impact with these derivatives.
+fn struck(
+    (own, time_by): (DVector<f64>, f64),
+    by: &Derivatives,
+    inverse: &DMatrix<f64>,
+    (before, after): (&Before, &After),
+) -> DVector<f64> {
+    let along = own + &before.f * time_by;
+    let nv = by.qd.ncols();
+    let moved = inverse * &along;
+    let mut jumped = &by.q * moved.rows(0, nv) + &by.qd * moved.rows(nv, nv);
+    if let Some(time) = &by.time {
+        jumped += time * time_by;
     }
+    let nq = along.len() - (moved.len() - nv);
+    let mut out = along;
+    out.rows_mut(nq, nv).copy_from(&jumped);
+    out - &after.f * time_by
 }
 
 /// The kinds of events that are impacts.

@@ -8,7 +8,7 @@
 //! | A, P | n×n, n×k | derivatives of f by x, and by the quantities at fixed x | `slope`, `push` |
 //! | c, a, b | s | points and weights of Gauss's method | [`Gauss`] |
 //!
-//! A and P are central differences of f, with an error of some 1e-9 of its size. S is integrated over each step of the motion by
+//! A is that of the linearised motion (`motion/slope.rs`), P are central differences of f. S is integrated over each step of the motion by
 //! Gauss's method of order 8 (Hairer, Nørsett & Wanner 1993, section II.7), which needs A at four times of the step only: the
 //! equations are linear, so its stages are the solution of one linear system.
 
@@ -17,10 +17,14 @@ use super::sampler::Step;
 use crate::error::SimError;
 use crate::motion::{Hold, Lasting};
 use crate::state::Space;
-use nalgebra::{DMatrix, DVector, Matrix4, Vector3, Vector4};
+use nalgebra::{DMatrix, DVector, DVectorView, Dyn, LU, Matrix4, Vector3, Vector4};
 
-/// Step of the central differences of f, relative to the size of the number that is changed.
-const DIFFERENCE: f64 = 1e-6;
+/// Step of the central differences of fourth order, relative to the size of the number that is changed: of forces and of the places of
+/// contacts, whose error is then some 1e-11 of their size.
+const DIFFERENCE: f64 = 1e-5;
+/// The multiples of the step at which a function is evaluated, and the weights of the derivative.
+pub(crate) const AT: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
+pub(crate) const WEIGHTS: [f64; 4] = [1.0 / 12.0, -8.0 / 12.0, 8.0 / 12.0, -1.0 / 12.0];
 /// Largest step of these differences relative to the slowest slip.
 const SHORT: f64 = 0.01;
 
@@ -119,32 +123,125 @@ impl<A: Space> Run<'_, '_, A> {
         self.motion.active.lasting.iter().any(slips)
     }
 
-    /// A.
-    fn slope(&mut self, time: f64, x: &[f64]) -> Result<DMatrix<f64>, SimError> {
+    /// A and P. `changed`: see [`LinearStep::of`].
+    fn slopes(
+        &mut self,
+        time: f64,
+        x: &[f64],
+        changed: &mut [([Run<A>; 4], f64)],
+    ) -> Result<[DMatrix<f64>; 2], SimError> {
         let tangent = self.tangent(x);
-        let mut slope = DMatrix::zeros(x.len(), tangent.ncols());
-        // The direction of a slow slip is strongly curved in the velocities: differences of fourth order, on this side of its stop.
-        let slips = self.slips();
         let y = self.y_of(x);
-        if slips {
+        if self.slips() {
             self.motion.follow_slip(time, &y)?;
         }
-        let slowest = self.motion.slowest_slip(time, &y)?;
-        for (j, direction) in tangent.column_iter().enumerate() {
-            let size = x
-                .iter()
-                .zip(direction.iter())
-                .fold(1.0, |most: f64, (x, d)| if *d == 0.0 { most } else { most.max(x.abs()) });
-            let h = (DIFFERENCE * size).min(SHORT * slowest).max(DIFFERENCE * DIFFERENCE);
-            let moved = |h: f64| x.iter().zip(direction.iter()).map(|(x, d)| x + h * d).collect::<Vec<_>>();
-            let mut difference = (self.field(time, &moved(h))? - self.field(time, &moved(-h))?) / (2.0 * h);
-            if slips {
-                let wide = (self.field(time, &moved(2.0 * h))? - self.field(time, &moved(-2.0 * h))?) / (4.0 * h);
-                difference = (difference * 4.0 - wide) / 3.0;
-            }
-            slope.set_column(j, &difference);
+        for (runs, _) in &mut *changed {
+            // The direction of slip of this time: friction acts against it.
+            let lasting = &self.motion.active.lasting;
+            runs.iter_mut().for_each(|run| run.motion.active.lasting.clone_from(lasting));
         }
-        Ok(if tangent.is_square() { slope } else { slope * left_inverse(&tangent) })
+        let slowest = self.motion.slowest_slip(time, &y)?;
+        let mut push = DMatrix::zeros(x.len(), changed.len());
+        let mut slope = DMatrix::zeros(x.len(), tangent.ncols());
+        if self.motion.is_linear() {
+            self.linear_slopes((time, x), (&y, &tangent, slowest), changed, (&mut slope, &mut push))?;
+        } else {
+            for (j, direction) in tangent.column_iter().enumerate() {
+                slope.set_column(j, &self.difference(x, direction, slowest, |run, x| run.field(time, x))?);
+            }
+            for (p, (runs, by)) in changed.iter_mut().enumerate() {
+                let mut column = push.column_mut(p);
+                for (run, weight) in runs.iter_mut().zip(WEIGHTS) {
+                    column += run.field(time, x)? * (weight / *by);
+                }
+            }
+        }
+        Ok([if tangent.is_square() { slope } else { slope * left_inverse(&tangent) }, push])
+    }
+
+    /// A along the tangent and P, by the linearised motion.
+    fn linear_slopes(
+        &mut self,
+        (time, x): (f64, &[f64]),
+        (y, tangent, slowest): (&[f64], &DMatrix<f64>, f64),
+        changed: &mut [([Run<A>; 4], f64)],
+        (slope, push): (&mut DMatrix<f64>, &mut DMatrix<f64>),
+    ) -> Result<(), SimError> {
+        let (nq, nv) = (self.motion.sim.chain.nq(), self.motion.sim.chain.nv());
+        let at = self.motion.linear(time, y)?;
+        let mut changes = Vec::with_capacity(tangent.ncols() + changed.len());
+        for (j, direction) in tangent.column_iter().enumerate() {
+            let mut change = self.difference(x, direction, slowest, |run, x| {
+                let y = run.y_of(x);
+                run.motion.balance(time, &y, &at)
+            })?;
+            if let Some(by) = at.inertial.get(j / nv) {
+                let mut forces = change.rows_mut(0, nv);
+                forces -= by.column(j % nv);
+            }
+            changes.push(change);
+        }
+        self.y_of(x); // the differences have changed what is remembered
+        for (runs, by) in changed {
+            let mut change: Option<DVector<f64>> = None;
+            for (run, weight) in runs.iter_mut().zip(WEIGHTS) {
+                let mut part = run.motion.balance(time, y, &at)?;
+                // The chain of all is the same; their gravity need not be.
+                if run.motion.sim.gravity != self.motion.sim.gravity {
+                    let needed = run.motion.inertial_forces(y, &at)?;
+                    part.as_mut_slice().iter_mut().zip(needed.iter()).for_each(|(part, needed)| *part -= needed);
+                }
+                part *= weight / *by;
+                change = Some(change.map_or(part.clone(), |sum| sum + part));
+            }
+            changes.extend(change);
+        }
+        let bristles = 3 * self.motion.bristles.len();
+        for (j, qdd) in self.motion.answers(y, &at, &changes)?.iter().enumerate() {
+            let columns = tangent.ncols();
+            let mut column = if j < columns { slope.column_mut(j) } else { push.column_mut(j - columns) };
+            column.rows_mut(nq, nv).copy_from_slice(qdd);
+            let bends = changes[j].len() - bristles;
+            column.rows_mut(nq + nv, bristles).copy_from(&changes[j].rows(bends, bristles));
+        }
+        // q̇ of the coordinates: (q, q̇) by itself where no joint floats.
+        for (j, direction) in tangent.column_iter().enumerate().take(2 * nv) {
+            if nq == nv {
+                slope.view_mut((0, j), (nq, 1)).copy_from(&direction.rows(nq, nv));
+                continue;
+            }
+            let rate = self.difference(x, direction, f64::INFINITY, |run, x| {
+                let mut rate = DVector::zeros(nq);
+                run.motion.sim.chain.q_rate_into(&x[..nq], &x[nq..nq + nv], rate.as_mut_slice());
+                Ok(rate)
+            })?;
+            slope.view_mut((0, j), (nq, 1)).copy_from(&rate);
+        }
+        Ok(())
+    }
+
+    /// The derivative of a function of x along a direction, by a central difference of fourth order. `slowest`: the slowest slip, m/s, whose
+    /// direction is strongly curved in the velocities, and which must not stop within the difference.
+    pub fn difference(
+        &mut self,
+        x: &[f64],
+        direction: DVectorView<f64>,
+        slowest: f64,
+        mut of: impl FnMut(&mut Self, &[f64]) -> Result<DVector<f64>, SimError>,
+    ) -> Result<DVector<f64>, SimError> {
+        let moving = x.iter().zip(direction.iter()).filter(|(_, d)| **d != 0.0);
+        let size = moving.fold(1.0, |most: f64, (x, _)| most.max(x.abs()));
+        let h = (DIFFERENCE * size).min(SHORT * slowest).max(DIFFERENCE * DIFFERENCE);
+        let mut found: Option<DVector<f64>> = None;
+        for (times, weight) in AT.iter().zip(WEIGHTS) {
+            let moved: Vec<f64> = x.iter().zip(direction.iter()).map(|(x, d)| x + times * h * d).collect();
+            let part = of(self, &moved)? * (weight / h);
+            found = Some(match found {
+                Some(sum) => sum + part,
+                None => part,
+            });
+        }
+        Ok(found.unwrap_or_default())
     }
 }
 
@@ -154,46 +251,117 @@ pub(crate) fn left_inverse(t: &DMatrix<f64>) -> DMatrix<f64> {
     gram.solve(&t.transpose())
 }
 
-/// S after one step. `changed`: for each parameter, whose columns are the last ones, the runs with the parameter changed by −2, −1,
-/// 1 and 2 times a number, and that number.
-pub(crate) fn over_step<A: Space>(
-    gauss: &Gauss,
-    step: &Step,
-    run: &mut Run<A>,
-    changed: &mut [([Run<A>; 4], f64)],
-    s: &DMatrix<f64>,
-) -> Result<DMatrix<f64>, SimError> {
-    let (n, k) = s.shape();
-    let h = step.end - step.start;
-    let first = k - changed.len();
-    let memory = run.remembered();
-    let (mut matrix, mut right) = (DMatrix::identity(4 * n, 4 * n), DMatrix::zeros(4 * n, k));
-    for i in 0..4 {
-        let time = step.start + h * Step::POINTS[i];
-        let x = run.x_of(&step.states[i], &memory);
-        let slope = run.slope(time, &x)?;
-        let mut push = &slope * s;
-        for (p, ([_, less, more, _], by)) in changed.iter_mut().enumerate() {
-            // The direction of slip of this time: friction acts against it.
-            less.motion.active.lasting.clone_from(&run.motion.active.lasting);
-            more.motion.active.lasting.clone_from(&run.motion.active.lasting);
-            let difference = (more.field(time, &x)? - less.field(time, &x)?) / (2.0 * *by);
-            let column = push.column(first + p) + difference;
-            push.set_column(first + p, &column);
+/// One step of a motion, linearised: A and P at the four points of Gauss's method.
+///
+/// Where no joint floats, q̇ is part of x: A = (0, E; B, C) with the unit matrix E in the columns of q̇, and the stages of q follow from
+/// those of the rest. Of n = nq + r numbers then r remain, otherwise all (nq = 0 here):
+///
+/// ```text
+/// Zᵢ − h Σⱼ (aᵢⱼ Cᵢ + h (a²)ᵢⱼ Bᵢ) Zⱼ = Bᵢ (S_q + h cᵢ S_v) + Cᵢ S_z + Pᵢ
+/// S_z⁺ = S_z + h Σ bᵢ Zᵢ,   S_q⁺ = S_q + h S_v + h² Σ (bᵀa)ⱼ V_j
+/// ```
+#[derive(Debug, Clone)]
+pub(crate) struct LinearStep {
+    h: f64,
+    /// nq and r.
+    sizes: (usize, usize),
+    /// (B, C), r×n.
+    slopes: Vec<DMatrix<f64>>,
+    /// P, r×p.
+    pushes: Vec<DMatrix<f64>>,
+}
+
+impl LinearStep {
+    /// `changed`: for each parameter the runs with it changed by the multiples [`AT`] of a number, and that number.
+    pub fn of<A: Space>(step: &Step, run: &mut Run<A>, changed: &mut [([Run<A>; 4], f64)]) -> Result<Self, SimError> {
+        let h = step.end - step.start;
+        let memory = run.remembered();
+        let (nq, nv) = (run.motion.sim.chain.nq(), run.motion.sim.chain.nv());
+        let known = if nq == nv { nq } else { 0 };
+        let (mut slopes, mut pushes) = (Vec::with_capacity(4), Vec::with_capacity(4));
+        let mut n = 0;
+        for (point, state) in Step::POINTS.iter().zip(&step.states) {
+            let x = run.x_of(state, &memory);
+            n = x.len();
+            let [slope, push] = run.slopes(step.start + h * point, &x, changed)?;
+            slopes.push(slope.rows(known, n - known).into_owned());
+            pushes.push(push.rows(known, n - known).into_owned());
         }
-        for j in 0..4 {
-            let block = &slope * (-h * gauss.a[(i, j)]);
-            let mut own = matrix.view_mut((i * n, j * n), (n, n));
-            own += block;
+        run.y_of(&run.x_of(&step.states[3], &memory));
+        Ok(Self { h, sizes: (known, n - known), slopes, pushes })
+    }
+
+    /// The matrix of the stages Z, or its transpose.
+    fn stages(&self, gauss: &Gauss, adjoint: bool) -> LU<f64, Dyn, Dyn> {
+        let (nq, r) = self.sizes;
+        let square = gauss.a * gauss.a;
+        let mut matrix = DMatrix::identity(4 * r, 4 * r);
+        for (i, slope) in self.slopes.iter().enumerate() {
+            for j in 0..4 {
+                let mut block = slope.columns(nq, r) * (-self.h * gauss.a[(i, j)]);
+                let mut by_velocity = block.columns_mut(0, nq);
+                by_velocity -= slope.columns(0, nq) * (self.h * self.h * square[(i, j)]);
+                let (at, block) = if adjoint { ((j * r, i * r), block.transpose()) } else { ((i * r, j * r), block) };
+                let mut own = matrix.view_mut(at, (r, r));
+                own += block;
+            }
         }
-        right.view_mut((i * n, 0), (n, k)).copy_from(&push);
+        matrix.lu()
     }
-    let failed = || SimError::Integration { time: step.start, reason: "the variational equations are singular".into() };
-    run.y_of(&run.x_of(&step.states[3], &memory)); // the differences have changed what is remembered
-    let stages = matrix.lu().solve(&right).ok_or_else(failed)?;
-    let mut after = s.clone();
-    for i in 0..4 {
-        after += stages.view((i * n, 0), (n, k)) * (h * gauss.b[i]);
+
+    /// S after the step, by the columns of S before it and of the changes of the parameters.
+    pub fn forward(&self, gauss: &Gauss, s: &DMatrix<f64>, changes: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let (nq, r) = self.sizes;
+        let (h, k) = (self.h, s.ncols());
+        let mut right = DMatrix::zeros(4 * r, k);
+        for i in 0..4 {
+            let mut middle = s.clone();
+            let mut positions = middle.rows_mut(0, nq);
+            positions += s.rows(nq, nq) * (h * Step::POINTS[i]);
+            right.view_mut((i * r, 0), (r, k)).copy_from(&(&self.slopes[i] * middle + &self.pushes[i] * changes));
+        }
+        if !self.stages(gauss, false).solve_mut(&mut right) {
+            return None;
+        }
+        let ahead = gauss.a.tr_mul(&gauss.b);
+        let mut after = s.clone();
+        let mut positions = after.rows_mut(0, nq);
+        positions += s.rows(nq, nq) * h;
+        for i in 0..4 {
+            let mut positions = after.rows_mut(0, nq);
+            positions += right.view((i * r, 0), (nq, k)) * (h * h * ahead[i]);
+            let mut rest = after.rows_mut(nq, r);
+            rest += right.view((i * r, 0), (r, k)) * (h * gauss.b[i]);
+        }
+        Some(after)
     }
-    Ok(after)
+
+    /// λ before the step, from λ after it; the derivatives by the parameters are added to `gradient`. It is the transpose of
+    /// [`forward`](Self::forward): both agree to rounding.
+    pub fn reverse(&self, gauss: &Gauss, lambda: &DVector<f64>, gradient: &mut DVector<f64>) -> Option<DVector<f64>> {
+        let (nq, r) = self.sizes;
+        let h = self.h;
+        let ahead = gauss.a.tr_mul(&gauss.b);
+        let mut weights = DVector::zeros(4 * r);
+        for i in 0..4 {
+            weights.rows_mut(i * r, r).copy_from(&(lambda.rows(nq, r) * (h * gauss.b[i])));
+            let mut velocities = weights.rows_mut(i * r, nq);
+            velocities += lambda.rows(0, nq) * (h * h * ahead[i]);
+        }
+        if !self.stages(gauss, true).solve_mut(&mut weights) {
+            return None;
+        }
+        let mut before = lambda.clone();
+        let mut velocities = before.rows_mut(nq, nq);
+        velocities += lambda.rows(0, nq) * h;
+        for i in 0..4 {
+            let own = weights.rows(i * r, r);
+            let back = self.slopes[i].tr_mul(&own);
+            before += &back;
+            let mut velocities = before.rows_mut(nq, nq);
+            velocities += back.rows(0, nq) * (h * Step::POINTS[i]);
+            gradient.gemv_tr(1.0, &self.pushes[i], &own, 1.0);
+        }
+        Some(before)
+    }
 }

@@ -255,6 +255,16 @@ impl<'a, A: Space> View<'a, A> {
         Ok(self.kin.inverse_dynamics(qd, qdd, A::project(self.model, gravity))?)
     }
 
+    /// The derivatives of [`View::inverse_dynamics`] by q, in its tangent space, and by q̇.
+    pub fn inverse_dynamics_derivatives(
+        &mut self,
+        qd: &[f64],
+        qdd: &[f64],
+        gravity: Vector3<f64>,
+    ) -> Result<[DMatrix<f64>; 2], SimError> {
+        Ok(self.kin.inverse_dynamics_derivatives(qd, qdd, A::project(self.model, gravity))?)
+    }
+
     /// Kinetic plus potential energy; for planar chains with heights in the plane.
     pub fn energy(&mut self, qd: &[f64], gravity: Vector3<f64>) -> Result<f64, SimError> {
         Ok(self.kin.kinetic_energy(qd)? + self.kin.potential_energy(A::project(self.model, gravity)))

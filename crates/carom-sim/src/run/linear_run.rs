@@ -1,0 +1,202 @@
+//! A run as a linear map from changes of its start and parameters to those of its outcome, and its transpose.
+
+use super::sensitivity::{AllColumns, Maps};
+use super::variation::{Gauss, LinearStep};
+use crate::error::SimError;
+use crate::state::Moment;
+use nalgebra::{DMatrix, DVector};
+
+/// One of the linear maps of which the derivative of a run is the product.
+pub(crate) enum Piece {
+    /// From a change of the start (displacement and velocity) to that of x.
+    Start(DMatrix<f64>),
+    Step(LinearStep),
+    Event(LinearEvent),
+}
+
+/// An event, linearised.
+pub(crate) struct LinearEvent {
+    pub time: f64,
+    pub kinds: Vec<&'static str>,
+    /// Ξ.
+    pub map: DMatrix<f64>,
+    /// What the parameters add.
+    pub push: DMatrix<f64>,
+    /// τ′ by x, and by the parameters.
+    pub time_by: DVector<f64>,
+    pub time_push: DVector<f64>,
+    /// Whether the digits of τ′ count.
+    pub counts: bool,
+}
+
+impl LinearEvent {
+    /// S after the event, and τ′, by the columns of S before it and of the changes of the parameters.
+    pub fn forward(&self, s: &DMatrix<f64>, changes: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
+        let time_by = s.tr_mul(&self.time_by) + changes.tr_mul(&self.time_push);
+        (&self.map * s + &self.push * changes, time_by.as_slice().to_vec())
+    }
+}
+
+/// The linear maps of a run, and S after the first `done` of them.
+pub(crate) struct Pieces {
+    pieces: Vec<Piece>,
+    all: AllColumns,
+    done: usize,
+}
+
+impl Pieces {
+    pub fn new(all: AllColumns) -> Self {
+        Self { pieces: Vec::new(), all, done: 0 }
+    }
+}
+
+impl Maps for Pieces {
+    fn add(&mut self, piece: Piece) -> Option<()> {
+        self.pieces.push(piece);
+        Some(())
+    }
+
+    fn columns(&mut self) -> Option<DMatrix<f64>> {
+        self.pieces[self.done..].iter().try_for_each(|piece| self.all.pass(piece))?;
+        self.done = self.pieces.len();
+        self.all.columns()
+    }
+}
+
+/// A run as a linear map: a first-order change of the start and of parameters changes the final state and the times of the events by
+/// [`LinearRun::jvp`]; the derivatives of a number by the final state and the times become those by the start and the parameters by
+/// [`LinearRun::vjp`], at the cost of a few runs whatever the number of parameters (the discrete adjoint; Hairer, Nørsett & Wanner 1993,
+/// section II.6). [`Plan::linear_run`](crate::Plan::linear_run) makes one.
+///
+/// ```
+/// # use carom_sim::{Parameter, Scene};
+/// # let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/bounce.toml");
+/// let plan = Scene::from_file(file)?.plan()?;
+/// let run = plan.linear_run(1.0, &Parameter::all(&plan.simulation))?;
+/// // The derivatives of the final height, which is the first of the displacements.
+/// let gradient = run.vjp(&[1.0, 0.0], &[])?;
+/// assert_eq!(gradient.len(), run.names().len());
+/// # Ok::<(), carom_sim::SimError>(())
+/// ```
+pub struct LinearRun {
+    names: Vec<String>,
+    parameters: usize,
+    last: Moment,
+    pieces: Vec<Piece>,
+    tangent: DMatrix<f64>,
+    gauss: Gauss,
+}
+
+impl LinearRun {
+    pub(super) fn new(
+        names: Vec<String>,
+        parameters: usize,
+        last: Moment,
+        pieces: Pieces,
+        tangent: DMatrix<f64>,
+    ) -> Self {
+        Self { names, parameters, last, pieces: pieces.pieces, tangent, gauss: Gauss::new() }
+    }
+
+    /// The names of the numbers by which the run is differentiated: as those of the columns of a [`Sensitivity`](super::Sensitivity).
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The state at the end.
+    pub fn last(&self) -> &Moment {
+        &self.last
+    }
+
+    /// The times of the events, s, each with the names of what happens.
+    pub fn events(&self) -> impl Iterator<Item = (f64, &[&'static str])> {
+        self.told().map(|event| (event.time, event.kinds.as_slice()))
+    }
+
+    fn told(&self) -> impl Iterator<Item = &LinearEvent> {
+        self.pieces.iter().filter_map(|piece| match piece {
+            Piece::Event(event) if !event.kinds.is_empty() => Some(event),
+            _ => None,
+        })
+    }
+
+    /// The change of the final displacement and velocity (2 nv numbers, as the rows of [`Sensitivity::last_by`](super::Sensitivity::last_by)),
+    /// and those of the times of the events, by a change of the start and the parameters (one for each of [`names`](Self::names)). Those of
+    /// events whose digits do not count are not numbers.
+    ///
+    /// # Errors
+    /// [`SimError::Setting`] for a wrong number of changes.
+    pub fn jvp(&self, change: &[f64]) -> Result<(Vec<f64>, Vec<f64>), SimError> {
+        self.check("number of changes of the start and the parameters", change.len(), self.names.len())?;
+        let moving = self.names.len() - self.parameters;
+        let change = DMatrix::from_column_slice(change.len(), 1, change);
+        let parameters = change.rows(moving, self.parameters).into_owned();
+        let (mut s, mut times) = (DMatrix::zeros(0, 1), Vec::new());
+        for piece in &self.pieces {
+            match piece {
+                Piece::Start(start) => s = start * change.rows(0, moving),
+                Piece::Step(step) => s = step.forward(&self.gauss, &s, &parameters).ok_or_else(Self::singular)?,
+                Piece::Event(event) => {
+                    let (after, time_by) = event.forward(&s, &parameters);
+                    s = after;
+                    if !event.kinds.is_empty() {
+                        times.push(if event.counts { time_by[0] } else { f64::NAN });
+                    }
+                }
+            }
+        }
+        Ok(((&self.tangent * s).as_slice().to_vec(), times))
+    }
+
+    /// The derivatives of a number by the start and the parameters (one for each of [`names`](Self::names)), from its derivatives by the final
+    /// displacement and velocity (`last`, 2 nv numbers) and by the times of the events (`times`, one for each of
+    /// [`events`](Self::events), or none).
+    ///
+    /// # Errors
+    /// [`SimError::Setting`] for a wrong number of derivatives; [`SimError::NoDerivative`] for one by the time of an event whose digits do
+    /// not count.
+    pub fn vjp(&self, last: &[f64], times: &[f64]) -> Result<Vec<f64>, SimError> {
+        self.check("number of derivatives by the final state", last.len(), self.tangent.nrows())?;
+        let told = self.told().count();
+        if !times.is_empty() {
+            self.check("number of derivatives by the times of events", times.len(), told)?;
+        }
+        let mut times = times.iter().rev();
+        let mut gradient = DVector::zeros(self.parameters);
+        let mut lambda = self.tangent.tr_mul(&DVector::from_column_slice(last));
+        let mut start = DVector::zeros(0);
+        for piece in self.pieces.iter().rev() {
+            match piece {
+                Piece::Step(step) => {
+                    lambda = step.reverse(&self.gauss, &lambda, &mut gradient).ok_or_else(Self::singular)?;
+                }
+                Piece::Event(event) => {
+                    gradient.gemv_tr(1.0, &event.push, &lambda, 1.0);
+                    lambda = event.map.tr_mul(&lambda);
+                    let weight = if event.kinds.is_empty() { 0.0 } else { times.next().copied().unwrap_or(0.0) };
+                    if weight != 0.0 && !event.counts {
+                        let reason = "it is too slow for digits of the derivative of its time that count".into();
+                        return Err(SimError::NoDerivative { time: event.time, reason });
+                    }
+                    gradient.axpy(weight, &event.time_push, 1.0);
+                    lambda.axpy(weight, &event.time_by, 1.0);
+                }
+                Piece::Start(from) => start = from.tr_mul(&lambda),
+            }
+        }
+        Ok(start.iter().chain(gradient.iter()).copied().collect())
+    }
+
+    fn singular() -> SimError {
+        SimError::Integration { time: 0.0, reason: "the variational equations are singular".into() }
+    }
+
+    fn check(&self, what: &'static str, given: usize, needed: usize) -> Result<(), SimError> {
+        crate::error::require(
+            given == needed,
+            what,
+            given as f64,
+            "it must be that of the names, rows or events of the run",
+        )
+    }
+}
