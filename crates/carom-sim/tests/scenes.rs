@@ -20,11 +20,11 @@ fn run(name: &str) -> (Scene, Trajectory) {
 }
 
 /// The events of a run contain these kinds in this order.
-fn happens(run: &Trajectory, kinds: &[&str]) {
+fn happens(scene: &str, run: &Trajectory, kinds: &[&str]) {
     let mut events = run.events.iter().map(|event: &Event| event.kind.name());
     for kind in kinds {
         let all = || run.events.iter().map(|event| event.kind.name()).collect::<Vec<_>>();
-        assert!(events.any(|name| name == *kind), "'{kind}' is missing or out of order in {:?}", all());
+        assert!(events.any(|name| name == *kind), "{scene}: '{kind}' is missing or out of order in {:?}", all());
     }
 }
 
@@ -44,7 +44,7 @@ fn shipped_scenes_have_the_events_that_they_describe() {
         ("cradle", false, &["several", "several"]),
     ] {
         let (scene, run) = run(name);
-        happens(&run, expected);
+        happens(name, &run, expected);
         assert!(!all || run.events.len() == expected.len(), "{name}: {} events", run.events.len());
         let (last, statistics) = (&run.summary.last, &run.summary.statistics);
         let fastest = last.qd.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
@@ -101,7 +101,7 @@ fn kane_and_levinsons_tip_slides_back_after_the_impact() {
 #[test]
 fn a_four_bar_linkage_strikes_a_stop() {
     let (scene, run) = run("four_bar");
-    happens(&run, &["impact", "impact"]);
+    happens("four_bar", &run, &["impact", "impact"]);
     for event in &run.events {
         let (again, most) = scene.simulation.close_loops(&event.q, &event.qd_plus).unwrap();
         assert!(most < 1e-10, "{again:?}");
@@ -123,7 +123,7 @@ fn an_n_four_bar_falls_through_its_flat_pose() {
 #[test]
 fn a_delta_mechanism_strikes_the_ground_and_tilts() {
     let (scene, run) = run("delta");
-    happens(&run, &["impact"]);
+    happens("delta", &run, &["impact"]);
     let tilts = |time: f64| {
         let q = run.at(&scene.simulation.chain, time).q;
         (2.0 * (q[6] * q[4] - q[5] * q[3])).asin()

@@ -74,8 +74,8 @@ fn every_law_has_an_answer_whose_work_is_the_energy_change() {
                     let [t_before, t_after, normal, friction] =
                         ["energy_before", "energy_after", "normal_work", "friction_work"].map(|key| number(&hit[key]));
                     // The tolerance is relative to the energy before, in which the rounding of M is.
-                    close("½ p·(u⁻ + u⁺)", 0.5 * p.dot(&(&before + &after)), t_after - t_before, 1e-12 * t_before);
-                    close("work", normal + friction, t_after - t_before, 1e-12 * t_before);
+                    close(law, 0.5 * p.dot(&(&before + &after)), t_after - t_before, 1e-12 * t_before);
+                    close(law, normal + friction, t_after - t_before, 1e-12 * t_before);
                     let gains = hit["flags"].as_array().unwrap().contains(&json!("energy-gain"));
                     assert_eq!(gains, t_after > t_before * (1.0 + 1e-9), "{hit}");
                     impacts += usize::from(p.norm() > 0.0);
