@@ -38,6 +38,8 @@ mod book {
     mod task_derivatives {}
     #[doc = include_str!("../../../book/src/task-rust.md")]
     mod task_rust {}
+    #[doc = include_str!("../../../book/src/task-loop.md")]
+    mod task_loop {}
     #[doc = include_str!("../../../book/src/law-several.md")]
     mod law_several {}
 }
