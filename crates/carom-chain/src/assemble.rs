@@ -96,7 +96,11 @@ impl Chain {
         Self::from_robot(urdf::read_str(text, None, options)?, options).with_rotors(options)
     }
 
-    fn with_rotors(self, options: &LoadOptions) -> Result<Self, ChainError> {
+    /// The same chain with the [rotors](LoadOptions::rotor_inertia) of the options, which [`Self::from_robot`] leaves out.
+    ///
+    /// # Errors
+    /// Those of [`Chain::with_rotor_inertia`].
+    pub fn with_rotors(self, options: &LoadOptions) -> Result<Self, ChainError> {
         let mut rotors = options.rotor_inertia.iter();
         rotors.try_fold(self, |chain, (joint, inertia)| chain.with_rotor_inertia(joint, *inertia))
     }

@@ -91,7 +91,7 @@ impl LoadArgs {
             repair: self.repair,
             package_dirs: self.package_dirs.clone(),
             rotor_inertia: self.rotor_inertia.iter().cloned().collect(),
-            srdf: None,
+            ..LoadOptions::default()
         }
     }
 }

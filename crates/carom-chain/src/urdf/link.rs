@@ -10,12 +10,14 @@
 //! positive semidefinite, because ω·Iω ≥ 0 for every ω: such an inertia is used as it is, with a warning.
 
 use super::joint::pose;
-use super::robot::{Inertial, JointType, Repair, short};
+use super::names::suggestion;
+use super::robot::{Inertial, JointType, Link, Repair, short};
 use super::source::{Source, own_child};
 use super::tree::Tree;
 use super::warnings::Warnings;
 use crate::error::ChainError;
 use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Vector3};
+use std::collections::BTreeMap;
 
 /// Relative violation of the triangle inequality that is rounding of the numbers in the file.
 const ROUNDED: f64 = 1e-3;
@@ -239,4 +241,22 @@ fn check_moments(matrix: &Matrix3<f64>, mass: f64, reach: f64, repair: bool) -> 
 fn possible(moments: [f64; 3]) -> [f64; 3] {
     let [a, b, c] = moments.map(|moment| moment.max(0.0));
     [a.max(c - b), b, c]
+}
+
+/// Sets the masses of [`LoadOptions::mass`](super::LoadOptions::mass).
+pub(super) fn set_masses(links: &mut [Link], masses: &BTreeMap<String, f64>) -> Result<(), ChainError> {
+    for (name, &mass) in masses {
+        let names: Vec<&str> = links.iter().map(|link| link.name.as_str()).collect();
+        let unknown = || ChainError::UnknownFrame { name: name.clone(), hint: suggestion(name, &names) };
+        let k = names.iter().position(|own| own == name).ok_or_else(unknown)?;
+        let refuse = |rule| ChainError::OutOfRange { what: "mass of a link", value: mass, rule };
+        let rule = "only a link with a mass in the file can get another one, because its inertia changes in proportion";
+        let own = links[k].inertial.as_mut().filter(|own| own.mass > 0.0).ok_or_else(|| refuse(rule))?;
+        if !(mass > 0.0 && mass.is_finite()) {
+            return Err(refuse("it must be positive and finite"));
+        }
+        own.inertia_at_com *= mass / own.mass;
+        own.mass = mass;
+    }
+    Ok(())
 }

@@ -119,7 +119,8 @@ fn read_document(
         collisions,
         visuals,
     };
-    let links: Vec<Link> = parts.map(link).collect();
+    let mut links: Vec<Link> = parts.map(link).collect();
+    link::set_masses(&mut links, &options.mass)?;
     units::check(source, &tree, &links, &joints, (&moves, reach), &mut warnings);
     if options.repair {
         warnings.repairs.extend(weld::weld_massless(&tree, &links, &mut joints, options.floating_base));

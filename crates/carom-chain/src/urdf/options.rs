@@ -29,6 +29,9 @@ pub struct LoadOptions {
     /// [`Chain::with_rotor_inertia`](crate::Chain::with_rotor_inertia). They replace those of the file
     /// ([`Joint::rotor_inertia`](super::Joint::rotor_inertia)).
     pub rotor_inertia: BTreeMap<String, f64>,
+    /// Masses of links by name, kg, instead of those of the file. The rotational inertia of a link changes in proportion to its mass, and its
+    /// centre of mass stays.
+    pub mass: BTreeMap<String, f64>,
     /// An SRDF file beside the URDF. The pairs of links that it disables
     /// ([`Robot::disabled_pairs`](super::Robot::disabled_pairs)) make no contact.
     pub srdf: Option<PathBuf>,

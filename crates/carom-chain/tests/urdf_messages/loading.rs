@@ -12,6 +12,7 @@ const REPAIR: LoadOptions = LoadOptions {
     repair: true,
     package_dirs: Vec::new(),
     rotor_inertia: std::collections::BTreeMap::new(),
+    mass: std::collections::BTreeMap::new(),
     srdf: None,
 };
 

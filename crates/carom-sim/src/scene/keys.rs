@@ -160,6 +160,8 @@ key_group! {
         package_dirs: Vec<PathBuf>,
         /// As in [`LoadOptions`].
         rotor_inertia: BTreeMap<String, f64>,
+        /// As in [`LoadOptions`].
+        mass: BTreeMap<String, f64>,
     }
 }
 
@@ -180,6 +182,7 @@ impl Loading {
             repair: self.repair,
             package_dirs: self.package_dirs.iter().map(|dir| folder.join(dir)).collect(),
             rotor_inertia: self.rotor_inertia.clone(),
+            mass: self.mass.clone(),
             ..LoadOptions::default()
         };
         Ok((folder.join(&self.urdf), options))

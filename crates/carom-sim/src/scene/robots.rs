@@ -74,9 +74,7 @@ impl One {
         let options = LoadOptions { floating_base: given.start.floating, srdf, ..options };
         let robot = urdf::read_file(file, &options)?;
         let (robot, springs) = divided(robot, &given.start.beam, &|joint| full(name.as_deref(), joint))?;
-        let mut rotors = options.rotor_inertia.iter();
-        let chain = Chain::from_robot(robot, &options);
-        let chain = rotors.try_fold(chain, |chain, (joint, inertia)| chain.with_rotor_inertia(joint, *inertia))?;
+        let chain = Chain::from_robot(robot, &options).with_rotors(&options)?;
         let chain =
             given.start.effort.iter().try_fold(chain, |chain, (joint, limit)| chain.with_effort_limit(joint, *limit));
         let chain = chain.map_err(|why| said(format!("effort: {why}")))?;
