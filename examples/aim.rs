@@ -141,7 +141,7 @@ fn record(scene: &Scene, plan: &Plan) -> Result<(), Box<dyn std::error::Error>> 
     use carom::record::{SceneRecorder, Target};
     let path = std::path::PathBuf::from("aim.rrd");
     let mut recorder = SceneRecorder::begin(&Target::File(path.clone()), scene, plan)?;
-    let sampling = Sampling { every: Some(0.005), dense: false };
+    let sampling = Sampling { every: Some(0.005), ..Sampling::default() };
     let run = plan.stream(scene.duration, sampling, &mut |seen| recorder.see(seen))?;
     recorder.finish(&run)?;
     println!("\nRecorded to {}: open it with `rerun {}`.", path.display(), path.display());

@@ -234,7 +234,7 @@ struct Answer {
     #[serde(skip_serializing_if = "Option::is_none")]
     band: Option<Bounds>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    loads: Option<Loads>,
+    loads: Option<ImpactLoads>,
 }
 
 /// The state before the impact, in the order asked for.
@@ -242,14 +242,6 @@ struct Answer {
 struct Before {
     q: Vec<f64>,
     qd_minus: Vec<f64>,
-}
-
-/// The loads of an impact, with the joint impulses in the order asked for.
-#[derive(Serialize)]
-struct Loads {
-    joint_impulse: Vec<f64>,
-    #[serde(flatten)]
-    of_joints: ImpactLoads,
 }
 
 /// Derivatives of qd⁺; matrices as rows.
@@ -381,8 +373,9 @@ impl Impact {
         let hits = contact.branches(law)?;
         let Some(mut answer) = outcome(name, before, &hits, order, driven) else { return Ok(None) };
         if self.loads {
-            let of_joints = strike.loads(&hits[0])?;
-            answer.loads = Some(Loads { joint_impulse: order.theirs(&of_joints.joint_impulse), of_joints });
+            let loads = strike.loads(&hits[0])?;
+            let joint_impulse = order.theirs(&loads.joint_impulse);
+            answer.loads = Some(ImpactLoads { joint_impulse, ..loads });
         }
         if self.derivatives {
             let found = contact.derivative(law)?;
@@ -441,6 +434,24 @@ fn outcome(
     })
 }
 
+/// The loads of an impact on the joints.
+pub fn loads_for_people(ImpactLoads { joint_impulse, through }: &ImpactLoads, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, "{:29} Jᵀp {} N m s, N s", "", row(joint_impulse))?;
+    // Components that are sums of others with rounding are shown as zero.
+    let size =
+        |pick: fn(&JointImpulse) -> Vector3<f64>| through.iter().map(|joint| pick(joint).amax()).fold(0.0, f64::max);
+    let (forces, moments) = (size(|joint| joint.force), size(|joint| joint.moment));
+    let moments = moments.max(joint_impulse.iter().fold(0.0, |most, x| x.abs().max(most)));
+    let clean = |of: &Vector3<f64>, size: f64| row(of.map(|x| if x.abs() < 1e-12 * size { 0.0 } else { x }).as_slice());
+    for joint in through {
+        let (force, moment) = (clean(&joint.force, forces), clean(&joint.moment, moments));
+        writeln!(out, "{:29} through {}", "", joint.joint)?;
+        writeln!(out, "{:29}   force  {force} N s", "")?;
+        writeln!(out, "{:29}   moment {moment} N m s", "")?;
+    }
+    Ok(())
+}
+
 fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io::Result<()> {
     if let Some(first) = all.outcomes.first() {
         writeln!(
@@ -468,22 +479,8 @@ fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io:
         if let (Some(impulse), Some(work)) = (&a.drive_impulse, a.drive_work) {
             writeln!(out, "{:29} drives {} N m s, work {} J", "", row(impulse), short(work))?;
         }
-        if let Some(Loads { joint_impulse, of_joints }) = &a.loads {
-            writeln!(out, "{:29} Jᵀp {} N m s, N s", "", row(joint_impulse))?;
-            // Components that are sums of others with rounding are shown as zero.
-            let size = |pick: fn(&JointImpulse) -> Vector3<f64>| {
-                of_joints.through.iter().map(|joint| pick(joint).amax()).fold(0.0, f64::max)
-            };
-            let (forces, moments) = (size(|joint| joint.force), size(|joint| joint.moment));
-            let moments = moments.max(joint_impulse.iter().fold(0.0, |most, x| x.abs().max(most)));
-            let clean =
-                |of: &Vector3<f64>, size: f64| row(of.map(|x| if x.abs() < 1e-12 * size { 0.0 } else { x }).as_slice());
-            for joint in &of_joints.through {
-                let (force, moment) = (clean(&joint.force, forces), clean(&joint.moment, moments));
-                writeln!(out, "{:29} through {}", "", joint.joint)?;
-                writeln!(out, "{:29}   force  {force} N s", "")?;
-                writeln!(out, "{:29}   moment {moment} N m s", "")?;
-            }
+        if let Some(loads) = &a.loads {
+            loads_for_people(loads, out)?;
         }
         for other in a.branches.iter().skip(1) {
             writeln!(out, "  or also        {:12} qd⁺ {}", other.mode, row(&other.qd_plus))?;

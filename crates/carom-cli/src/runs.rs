@@ -2,8 +2,8 @@
 
 use crate::error::CliError;
 use crate::output::{answer, progress, short};
-use carom_sim::{Plan, Scene, StopReason};
-use carom_study::{Column, SCENE_KEY, Table, TableError, ensemble, state_columns};
+use carom_sim::{Plan, Scene};
+use carom_study::{ALL_THE_SAME, SCENE_KEY, Table, TableError, ensemble, run_columns};
 use serde::Serialize;
 use std::io::Write;
 use std::path::Path;
@@ -58,9 +58,6 @@ impl Sample {
     }
 }
 
-/// How runs end, in the column `outcome`.
-const OUTCOMES: [&str; 3] = ["duration", "events", "refused"];
-
 /// Runs a scene `runs` times, or fewer if `stop` is set meanwhile; one row of the table for each run.
 pub fn run(
     (file, scene, plan): (&Path, &Scene, &Plan),
@@ -70,19 +67,9 @@ pub fn run(
     out: &mut dyn Write,
 ) -> Result<(), CliError> {
     if scene.perturbation.is_none() {
-        let why = "--runs: the scene has no disturbance, and all runs would be the same: add [run] perturb = { q = …, qd = … }";
-        return Err(CliError::Scene(format!("{}: {why}", file.display())));
+        return Err(CliError::Scene(format!("{}: --runs: {ALL_THE_SAME}", file.display())));
     }
-    let (whole, kept) = (state_columns(&scene.simulation.chain), state_columns(&plan.simulation.chain));
-    let mut names = vec![Column::number("run"), Column::word("outcome", OUTCOMES)];
-    names.extend(
-        [("impacts", ""), ("first_impact", "s"), ("events", "")].map(|(name, unit)| Column::number(name).in_unit(unit)),
-    );
-    let of = |moment: &str, it: &Column| Column::number(format!("{moment}.{}", it.name)).in_unit(it.unit);
-    names.extend(whole[1..].iter().map(|it| of("start", it)));
-    names.extend(kept.iter().map(|it| of("end", it)));
-    let energies = ["energy_start", "energy_end", "lost_in_impacts", "energy_error"];
-    names.extend(energies.map(|name| Column::number(name).in_unit("J")));
+    let names = run_columns(scene, plan);
     let mut table = table.map(|path| Table::create_with(path, &names)).transpose()?;
     table.iter_mut().for_each(|table| table.describe(SCENE_KEY, &scene.text));
     let (mut refused, mut first_refusal) = (0, None);
@@ -92,30 +79,18 @@ pub fn run(
     let done = ensemble(scene, runs, stop, |run| {
         bar.inc(1);
         count += 1;
-        let mut row = vec![run.number as f64];
         match &run.result {
             Ok(summary) => {
                 impacts.add(run.impacts as f64);
                 run.first_impact.iter().for_each(|time| first_impact.add(*time));
                 lost.add(summary.energy.impacts);
-                let stop = f64::from(u8::from(summary.stop == StopReason::Events));
-                let first = run.first_impact.unwrap_or(f64::NAN);
-                row.extend([stop, run.impacts as f64, first, summary.events as f64]);
-                row.extend(run.start.q.iter().chain(&run.start.qd));
-                row.push(summary.last.time);
-                row.extend(summary.last.q.iter().chain(&summary.last.qd));
-                let energy = summary.energy;
-                row.extend([energy.start, energy.end, energy.impacts, energy.error()]);
             }
             Err(error) => {
                 refused += 1;
                 first_refusal.get_or_insert(format!("run {}: {error}", run.number));
-                row.extend([2.0, f64::NAN, f64::NAN, f64::NAN]);
-                row.extend(run.start.q.iter().chain(&run.start.qd));
-                row.resize(names.len(), f64::NAN);
             }
         }
-        table.as_mut().map_or(Ok::<(), TableError>(()), |table| table.row(&row))
+        table.as_mut().map_or(Ok::<(), TableError>(()), |table| table.row(&run.row(names.len())))
     });
     bar.finish_and_clear();
     done?;

@@ -3,6 +3,7 @@
 use crate::error::CliError;
 use crate::files::{self, Kind, Outputs};
 use crate::from_state;
+use crate::impact::loads_for_people;
 use crate::output::{Printed, answer, say, short};
 use crate::plan::moving_joints;
 use crate::record::{Record, Recorder};
@@ -11,10 +12,13 @@ use crate::scene::load;
 use crate::sensitivity::{self, Sensitivity};
 use carom_impact::Mode;
 use carom_sim::{
-    AtContact, ContactMode, ContactState, EnergyBooks, Moment, NamedEvent, Sampling, Seen, Statistics, StopReason,
-    Summary, UnderLaw,
+    AtContact, ContactMode, ContactState, EnergyBooks, EventLoads, Moment, NamedEvent, Sampling, Seen, Statistics,
+    StopReason, Summary, UnderLaw,
 };
-use carom_study::{Column, SCENE_KEY, Table, TableError, contact_columns, contact_row, state_columns};
+use carom_study::{
+    Column, SCENE_KEY, Table, TableError, contact_columns, contact_row, load_columns, load_rows, motor_columns,
+    state_columns,
+};
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -35,7 +39,7 @@ const SAMPLE: f64 = 0.004;
 /// JSON keys:
 ///   joints, stop_reason (duration, events), mode (of contact at the end);
 ///   events [{time, kind, contact, contacts (of several), reason, flags, q, qd_minus, qd_plus, impact,
-///     impulses}];
+///     impulses, loads {joint_impulse, bearings, motors_minus, motors_plus}: --loads}];
 ///   final {time, q, qd, contacts [{contact, mode, point, normal, gap, force, normal_force, flags}]};
 ///   energy {start, end, drive, resistance, lost_in_impacts, error}, where
 ///     end = start + drive + resistance − lost_in_impacts + error;
@@ -70,6 +74,23 @@ pub struct Simulate {
     /// the vectors are zero), flags (non-unique: the motion depends on how forces are distributed).
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     contacts: Option<PathBuf>,
+    /// Add the loads on the joints: at the impacts, and the forces of the motors over time
+    ///
+    /// At each impact (impact, several, latch, limit) Jᵀp and the impulse through every joint as those
+    /// of `carom impact --loads`, and the forces of the motors (N m, N) after their limits, just before
+    /// and just after; in the JSON answer: loads of the event. Tables of --out have also the columns
+    /// motor.<joint> (N m, N), recordings plots of these. Mechanisms with loops have no impulses through
+    /// joints, time steps and compliant contacts no impacts.
+    #[arg(long, verbatim_doc_comment, conflicts_with = "runs")]
+    loads: bool,
+    /// Write the loads of the impacts as a table (.csv, .parquet, -): a row for each joint at each impact
+    ///
+    /// Columns: time (s), kind (of the event), joint; the impulse of its parent link on its child link
+    /// fx, fy, fz (N s) and its moment mx, my, mz (N m s) about the origin of the child link, in the axes
+    /// of the child link; of joints with one coordinate joint_impulse (Jᵀp; N m s, N s), motor_minus and
+    /// motor_plus (force of the motor before and after; N m, N).
+    #[arg(long, value_name = "FILE", verbatim_doc_comment)]
+    joint_loads: Option<PathBuf>,
     /// Start from this state instead of that of the scene
     ///
     /// A JSON file: {"q": […], "qd": […]} and, if wanted, "time" (s), at which tables and moving
@@ -156,14 +177,18 @@ impl Simulate {
             scene.files.push(file.clone());
         }
         let contacts = self.contacts.as_deref();
-        let printed = Printed::of(outputs.tables.iter().map(PathBuf::as_path).chain(contacts), self.json)?;
-        let written =
-            [&outputs.files()[..], &[("--contacts", contacts.filter(|path| *path != Path::new("-")))]].concat();
+        let joint_loads = self.joint_loads.as_deref();
+        let loads = self.loads || joint_loads.is_some();
+        let named = [("--contacts", contacts), ("--joint-loads", joint_loads)];
+        let tables = outputs.tables.iter().map(PathBuf::as_path);
+        let printed = Printed::of(tables.chain(named.iter().filter_map(|(_, path)| *path)), self.json)?;
+        let files = named.map(|(option, path)| (option, path.filter(|path| *path != Path::new("-"))));
+        let written = [&outputs.files()[..], &files].concat();
         files::check(&scene.files, &written)?;
         let tables: Vec<&Path> = outputs.tables.iter().map(|path| printed.place(path)).collect();
         if let Some(runs) = self.runs {
-            if contacts.is_some() || self.record.is_asked() || tables.len() > 1 {
-                let why = "--runs: write one table, with --out, without --contacts and recordings";
+            if contacts.is_some() || joint_loads.is_some() || self.record.is_asked() || tables.len() > 1 {
+                let why = "--runs: write one table, with --out, without --contacts, --joint-loads and recordings";
                 return Err(CliError::Option(why.into()));
             }
             let stop = files::interrupts();
@@ -179,17 +204,33 @@ impl Simulate {
             sensitivity::check(&self.scene, &plan)?;
         }
         let sim = &plan.simulation;
-        let mut states = Tables::begin(tables, &state_columns(&sim.chain), &scene.text)?;
+        let mut columns = state_columns(&sim.chain);
+        if loads {
+            columns.extend(motor_columns(&sim.chain));
+        }
+        let mut states = Tables::begin(tables, &columns, &scene.text)?;
         let mut contacts = Tables::begin(contacts.map(|path| printed.place(path)), &contact_columns(sim), &scene.text)?;
+        let mut joint_loads =
+            Tables::begin(joint_loads.map(|path| printed.place(path)), &load_columns(&sim.chain), &scene.text)?;
         let mut recorder = Recorder::begin(&self.record, &scene, &plan)?;
         let sampled = [&states, &contacts].iter().any(|it| !it.tables.is_empty()) || recorder.is_some();
         let every = sampled.then(|| scene.sample.unwrap_or(SAMPLE));
         let mut events = Vec::new();
-        let sampling = Sampling { every, dense: false };
+        let sampling = Sampling { every, loads, ..Sampling::default() };
+        let mut row = Vec::new();
         let run = plan.stream(scene.duration, sampling, &mut |seen| {
             match &seen {
-                Seen::Moment(Moment { time, q, qd }) => states.row(&[&[*time], &q[..], qd].concat()),
-                Seen::Event(event) => events.push((*event).clone()),
+                Seen::Moment(Moment { time, q, qd }) => {
+                    row = [&[*time], &q[..], qd].concat();
+                    if !loads {
+                        states.row(&row);
+                    }
+                }
+                Seen::Motors(_, forces) => states.row(&[&row[..], forces].concat()),
+                Seen::Event(event) => {
+                    load_rows(&sim.chain, event).iter().for_each(|row| joint_loads.row(row));
+                    events.push((*event).clone());
+                }
                 Seen::Contacts(time, all) => all.iter().for_each(|state| contacts.row(&contact_row(*time, state))),
                 Seen::Segment(_) => {}
             }
@@ -198,13 +239,15 @@ impl Simulate {
             }
         });
         let run = run.map_err(refuse)?;
-        for warning in run.warnings() {
+        let without_loads = if loads { run.missing_loads(sim) } else { Vec::new() };
+        for warning in run.warnings().into_iter().chain(without_loads) {
             say(&format!("warning: {}: {warning}", self.scene.display()));
         }
         let derivatives = self.sensitivity.then(|| Sensitivity::of(&plan, scene.duration));
         let derivatives = derivatives.transpose().map_err(refuse)?;
         states.finish()?;
         contacts.finish()?;
+        joint_loads.finish()?;
         if let Some(recorder) = recorder {
             recorder.finish(&run)?;
         }
@@ -287,6 +330,11 @@ fn for_people(events: &[NamedEvent], run: &Summary, out: &mut dyn Write) -> io::
         if !event.contacts.is_empty() && event.qd_minus != event.qd_plus {
             let [before, after] = [event.qd_minus, event.qd_plus].map(|qd| listed(&numbers(qd), " "));
             writeln!(out, "{:29}qd⁻ ({before}), qd⁺ ({after})", "")?;
+        }
+        for EventLoads { impact, motors_minus, motors_plus } in group.iter().filter_map(|event| event.loads) {
+            loads_for_people(impact, out)?;
+            let [before, after] = [motors_minus, motors_plus].map(|forces| numbers(forces).join(" "));
+            writeln!(out, "{:29} motors ({before}) before, ({after}) after, N m, N", "")?;
         }
     }
     let last = &run.last;

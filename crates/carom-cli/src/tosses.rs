@@ -6,9 +6,8 @@ use crate::law::{laws, tangential};
 use crate::output::{answer, short};
 use carom_impact::Coefficients;
 use carom_sim::{ContactLaw, ContactRule};
-use carom_study::{PoseError, RollOut, RollOutOptions, Start, TossError, Tosses};
+use carom_study::{RollOutOptions, Start, TossError, TossReport, Tosses};
 use clap::{Args, builder::PossibleValuesParser};
-use serde::Serialize;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
@@ -70,60 +69,6 @@ pub struct TossesCommand {
     json: bool,
 }
 
-#[derive(Serialize)]
-struct Report {
-    tosses: usize,
-    failures: Vec<String>,
-    start: &'static str,
-    fitted_starts: usize,
-    at_rest: usize,
-    deepest_overlap: f64,
-    last: Spread,
-    mean: Spread,
-    whole: Measure,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    early: Option<Measure>,
-    each: Vec<One>,
-}
-
-/// The pose error of a part of the tosses.
-#[derive(Serialize)]
-struct Measure {
-    count: usize,
-    mean: f64,
-    median: f64,
-    below_half: f64,
-}
-
-/// Mean and median over the tosses.
-#[derive(Serialize)]
-struct Spread {
-    position_mean: f64,
-    position_median: f64,
-    rotation_mean: f64,
-    rotation_median: f64,
-    joint_mean: f64,
-    joint_median: f64,
-}
-
-#[derive(Serialize)]
-struct One {
-    toss: i64,
-    samples: usize,
-    events: usize,
-    position: f64,
-    rotation: f64,
-    joint: f64,
-    final_speed: f64,
-    deepest_overlap: f64,
-    whole: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    early: Option<f64>,
-}
-
-/// Speed of the root link below which a toss counts as at rest, m/s.
-const REST: f64 = 1e-3;
-
 impl TossesCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let Self { restitution, friction, .. } = self;
@@ -147,19 +92,8 @@ impl TossesCommand {
             start: start(&self.start),
             ..RollOutOptions::default()
         };
-        let all = tosses.roll_out(&rule, &roll);
-        let (mut rolled, mut failures) = (Vec::new(), Vec::new());
-        for one in all {
-            match one {
-                Ok(one) => rolled.push(one),
-                Err(error) => failures.push(error.to_string()),
-            }
-        }
-        if rolled.is_empty() {
-            let first = failures.first().cloned().unwrap_or_default();
-            return Err(CliError::Scene(format!("{}: {first}", self.folder.display())));
-        }
-        let report = report(&rolled, failures, &roll);
+        let report = tosses.report(&rule, &roll);
+        let report = report.map_err(|e| CliError::Scene(format!("{}: {e}", self.folder.display())))?;
         answer(out, &report, self.json, for_people).map_err(|refused| CliError::refused(&self.folder, refused))
     }
 }
@@ -169,64 +103,7 @@ pub fn start(name: &str) -> Start {
     if name == Start::Given.name() { Start::Given } else { Start::Fitted }
 }
 
-fn report(rolled: &[RollOut], failures: Vec<String>, roll: &RollOutOptions) -> Report {
-    let measure = |of: &dyn Fn(&RollOut) -> Option<f64>| {
-        let mut errors: Vec<f64> = rolled.iter().filter_map(of).collect();
-        errors.sort_by(f64::total_cmp);
-        let count = errors.len();
-        let below = errors.iter().filter(|error| **error < 0.5).count();
-        (count > 0).then(|| Measure {
-            count,
-            mean: errors.iter().sum::<f64>() / count as f64,
-            median: errors[count / 2],
-            below_half: below as f64 / count as f64,
-        })
-    };
-    let whole = measure(&|one| Some(one.pose_error(roll.length)));
-    let spread = |of: fn(&RollOut) -> &PoseError| {
-        let sorted = |part: fn(&PoseError) -> f64| {
-            let mut values: Vec<f64> = rolled.iter().map(|one| part(of(one))).collect();
-            values.sort_by(f64::total_cmp);
-            (values.iter().sum::<f64>() / values.len() as f64, values[values.len() / 2])
-        };
-        let (position, rotation, joint) = (sorted(|e| e.position), sorted(|e| e.rotation), sorted(|e| e.joint));
-        Spread {
-            position_mean: position.0,
-            position_median: position.1,
-            rotation_mean: rotation.0,
-            rotation_median: rotation.1,
-            joint_mean: joint.0,
-            joint_median: joint.1,
-        }
-    };
-    let one = |one: &RollOut| One {
-        toss: one.number,
-        samples: one.samples,
-        events: one.events,
-        position: one.last.position,
-        rotation: one.last.rotation,
-        joint: one.last.joint,
-        final_speed: one.final_speed,
-        deepest_overlap: one.deepest,
-        whole: one.pose_error(roll.length),
-        early: one.early_error(roll.length),
-    };
-    Report {
-        tosses: rolled.len() + failures.len(),
-        failures,
-        start: roll.start.name(),
-        fitted_starts: rolled.iter().filter(|one| one.fitted).count(),
-        at_rest: rolled.iter().filter(|one| one.final_speed < REST).count(),
-        deepest_overlap: rolled.iter().map(|one| one.deepest).fold(0.0, f64::max),
-        last: spread(|one| &one.last),
-        mean: spread(|one| &one.mean),
-        whole: whole.unwrap_or_else(|| unreachable!("at least one toss was simulated")),
-        early: measure(&|one| one.early_error(roll.length)),
-        each: rolled.iter().map(one).collect(),
-    }
-}
-
-fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
+fn for_people(report: &TossReport, out: &mut dyn Write) -> io::Result<()> {
     writeln!(
         out,
         "{} tosses simulated, {} refused, {} at rest at their last sample, deepest overlap {} m",

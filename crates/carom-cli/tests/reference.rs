@@ -200,7 +200,7 @@ fn keys_of_answers_are_those_of_the_page() {
         ("law", vec![("law --law poisson --restitution 0.5 --friction 0.5 --problems - --json".into(), kane)]),
         ("map", vec![("map studies/self_motion.toml --advise --json".into(), "")]),
         ("plan", vec![("plan own/scene.toml --json".into(), "")]),
-        ("simulate", vec![("simulate scenes/planar2.toml --sensitivity --json".into(), "")]),
+        ("simulate", vec![("simulate scenes/planar2.toml --sensitivity --loads --json".into(), "")]),
         (
             "chart",
             vec![

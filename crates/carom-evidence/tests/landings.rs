@@ -185,7 +185,7 @@ fn jump(folder: &Folder, seed: u64, floor: f64) -> (Chain, Vec<Moment>) {
             moments.push(moment.clone());
         }
     };
-    let sampling = Sampling { every: Some(SAMPLE), dense: false };
+    let sampling = Sampling { every: Some(SAMPLE), ..Sampling::default() };
     scene.simulation.stream(&scene.q, &scene.qd, scene.duration, sampling, &mut keep).unwrap();
     (chain, moments)
 }

@@ -6,7 +6,7 @@ use crate::target::Sink;
 use carom_chain::algebra::z_onto;
 use carom_chain::{Chain, Coordinates, Kinematics, Plane, Point, Spatial};
 use carom_contact::{LinkShape, Obstacle, Surface as Form, gap};
-use carom_sim::{Scene, Simulation, Surface};
+use carom_sim::{JointImpulse, Scene, Simulation, Surface};
 use nalgebra::Vector3;
 use rerun::components::AggregationPolicy;
 
@@ -19,6 +19,9 @@ pub(crate) const VELOCITY: &str = "series/velocity";
 pub(crate) const TIP: &str = "series/tip";
 pub(crate) const ENERGY: &str = "series/energy";
 pub(crate) const GAP: &str = "series/gap";
+pub(crate) const MOTOR: &str = "series/motor";
+/// Magnitudes of the impulses through joints, and of their moments.
+pub(crate) const THROUGH: [&str; 2] = ["series/through/force", "series/through/moment"];
 
 /// The tip, whose velocity is shown.
 pub(crate) struct Tip {
@@ -83,13 +86,23 @@ impl Measures {
             (ENERGY, energy.iter().map(|name| (*name).to_owned()).collect()),
             (GAP, gaps.collect()),
         ] {
-            let colours = (0..names.len()).map(|k| LINES[k % LINES.len()]);
-            let style = rerun::SeriesLines::new().with_colors(colours).with_widths(vec![1.8; names.len()]);
-            // Without aggregation, since means over time would smooth the jumps.
-            let style = style.with_names(names).with_aggregation_policy(AggregationPolicy::Off);
-            fixed(sink, &entity.into(), &style)?;
+            fixed(sink, &entity.into(), &lines(names))?;
         }
         Ok(())
+    }
+
+    /// Logs the names and colours of the forces of motors, by the entries of qd.
+    pub fn name_motors(sink: &Sink, chain: &Chain) -> Result<(), RecordError> {
+        let [_, velocity] = coordinates(chain);
+        fixed(sink, &MOTOR.into(), &lines(velocity))
+    }
+
+    /// Logs the names and colours of the impulses through these joints, which are points.
+    pub fn name_impulses(sink: &Sink, joints: &[JointImpulse]) -> Result<(), RecordError> {
+        let names = joints.iter().map(|joint| joint.joint.clone());
+        let style = rerun::SeriesPoints::new().with_names(names).with_colors(colours(joints.len()));
+        let style = style.with_marker_sizes(vec![4.0; joints.len()]);
+        THROUGH.iter().try_for_each(|entity| fixed(sink, &(*entity).into(), &style))
     }
 
     /// Indices of the surfaces that a link may touch.
@@ -154,6 +167,17 @@ fn axes(surfaces: &[Surface], plane: Option<&Plane>) -> Vec<(&'static str, Vecto
         (None, Some(plane)) => vec![("x", plane.x), ("y", plane.y)],
         (None, None) => vec![("x", Vector3::x()), ("y", Vector3::y()), ("z", Vector3::z())],
     }
+}
+
+fn colours(count: usize) -> impl Iterator<Item = u32> {
+    (0..count).map(|k| LINES[k % LINES.len()])
+}
+
+/// The style of lines with these names.
+fn lines(names: Vec<String>) -> rerun::SeriesLines {
+    let style = rerun::SeriesLines::new().with_colors(colours(names.len())).with_widths(vec![1.8; names.len()]);
+    // Without aggregation, since means over time would smooth the jumps.
+    style.with_names(names).with_aggregation_policy(AggregationPolicy::Off)
 }
 
 /// Names of all entries of q and qd.

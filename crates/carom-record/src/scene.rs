@@ -7,7 +7,7 @@
 //! | `/world/tip` | the tip's path, piece by piece |
 //! | `/world/contacts`, `/world/impulses`, `/world/impulse` | points at which impulses acted, arrows of the impulses, size of the last one |
 //! | `/world/forces` | arrows of the forces of lasting contacts |
-//! | `/series/…` | positions, velocities, the tip's velocity, energies, gaps |
+//! | `/series/…` | positions, velocities, the tip's velocity, energies, gaps; forces of motors and impulses through joints, with loads |
 //! | `/contact`, `/contact/…` | the mode of contact over time: of all contacts in one word, and of each that lasts |
 //! | `/events` | the events, as text |
 //! | `/run` | summary of the run |
@@ -18,13 +18,13 @@ use crate::bounds::{Bounds, Eye, Outline, xyz};
 use crate::geometry::{self, Drawn, entity, fixed, transform};
 use crate::lasting::Lanes;
 use crate::layout::{self, Cursor, Tile};
-use crate::measures::Measures;
+use crate::measures::{MOTOR, Measures, THROUGH};
 use crate::target::{Sink, Target};
 use crate::{RecordError, round, summary};
 use carom_chain::algebra::{Pose, z_onto};
 use carom_chain::{Chain, Plane, Spatial, Workspace};
 use carom_contact::{Surface as Form, found_shapes};
-use carom_sim::{ContactImpulse, ContactState, Event, Moment, Plan, Scene, Seen, Summary};
+use carom_sim::{ContactImpulse, ContactState, Event, EventLoads, Moment, Plan, Scene, Seen, Summary};
 use nalgebra::{Matrix3, Vector3};
 use rerun::AsComponents;
 use std::collections::BTreeMap;
@@ -65,6 +65,8 @@ pub struct SceneRecorder {
     /// End of the path of the tip so far.
     path: Option<Vector3<f64>>,
     lanes: Lanes,
+    /// Whether forces of motors, and impulses through joints, were reported.
+    loads: [bool; 2],
     /// Time of the last moment whose lasting contacts were not reported: it has none.
     untold: Option<f64>,
     /// Time of the first event, s.
@@ -115,6 +117,7 @@ impl SceneRecorder {
             held: Vec::new(),
             path: None,
             lanes: Lanes::default(),
+            loads: [false; 2],
             untold: None,
             first: None,
             counts: BTreeMap::new(),
@@ -144,6 +147,7 @@ impl SceneRecorder {
                     self.untold = None;
                     self.contacts(time, states)
                 }
+                Seen::Motors(time, forces) => self.motors(time, forces),
                 Seen::Segment(_) => Ok(()),
             };
             self.failed = done.err();
@@ -234,6 +238,13 @@ impl SceneRecorder {
         if self.measures.has_gaps() {
             plots.push(layout::series("least gap (m)", "/series/gap", true));
         }
+        if self.loads[0] {
+            plots.push(layout::series("forces of the motors (N m, N)", "/series/motor", true));
+        }
+        if self.loads[1] {
+            plots.push(layout::series("impulses through joints (N s)", "/series/through/force", true));
+            plots.push(layout::series("their moments (N m s)", "/series/through/moment", true));
+        }
         plots.push(layout::states("contact", "/contact"));
         let mut rows = Vec::new();
         while !plots.is_empty() {
@@ -296,6 +307,20 @@ impl SceneRecorder {
         let words = rerun::TextLog::new(summary::words(event, &self.touches)).with_level("INFO");
         now(&self.sink, "events".into(), &words)?;
         self.lanes.event(&self.sink, &self.touches, &event.kind)?;
+        if let Some(EventLoads { impact, motors_minus, motors_plus }) = event.loads.as_deref() {
+            self.motors(event.time, motors_minus)?;
+            self.motors(event.time, motors_plus)?;
+            if !impact.through.is_empty() {
+                self.begin_loads(1, |it| Measures::name_impulses(&it.sink, &impact.through))?;
+                let sizes = [
+                    impact.through.iter().map(|it| it.force.norm()).collect::<Vec<_>>(),
+                    impact.through.iter().map(|it| it.moment.norm()).collect(),
+                ];
+                for (entity, sizes) in THROUGH.into_iter().zip(sizes) {
+                    now(&self.sink, entity.into(), &rerun::Scalars::new(sizes))?;
+                }
+            }
+        }
         if event.impulses.iter().any(|one| one.impulse.norm() > 0.0) {
             self.held.push((event.time, event.impulses.clone()));
             if self.arrow.is_some() || self.live || self.held.len() == HELD {
@@ -309,6 +334,26 @@ impl SceneRecorder {
         self.tell()?;
         self.untold = Some(*time);
         self.state(*time, (q, qd), true)
+    }
+
+    /// The forces of the motors at a time.
+    fn motors(&mut self, time: f64, forces: &[f64]) -> Result<(), RecordError> {
+        self.begin_loads(0, |it| Measures::name_motors(&it.sink, &it.chain))?;
+        self.sink.rec.set_duration_secs("time", time);
+        now(&self.sink, MOTOR.into(), &rerun::Scalars::new(forces.iter().copied()))
+    }
+
+    /// Names the series of loads when they are reported for the first time, and gives them views.
+    fn begin_loads(
+        &mut self,
+        k: usize,
+        name: impl FnOnce(&Self) -> Result<(), RecordError>,
+    ) -> Result<(), RecordError> {
+        if std::mem::replace(&mut self.loads[k], true) {
+            return Ok(());
+        }
+        name(self)?;
+        if self.live { self.show() } else { Ok(()) }
     }
 
     /// Records that the last moment had no lasting contacts, if none were reported.

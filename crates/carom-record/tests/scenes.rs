@@ -26,7 +26,7 @@ fn scene(name: &str) -> Scene {
 fn record(scene: &Scene, path: &Path, every: f64) -> Result<(), RecordError> {
     let plan = scene.plan().unwrap();
     let mut recorder = SceneRecorder::begin(&Target::File(path.into()), scene, &plan)?;
-    let sampling = Sampling { every: Some(every), dense: false };
+    let sampling = Sampling { every: Some(every), ..Sampling::default() };
     let run = plan.stream(scene.duration, sampling, &mut |seen| recorder.see(seen));
     recorder.finish(&run.unwrap())
 }
@@ -63,7 +63,7 @@ fn an_older_recording_stays_until_the_new_one_is_complete() {
     let plan = scene.plan().unwrap();
     let mut recorder = SceneRecorder::begin(&Target::File(path.clone()), &scene, &plan).unwrap();
     let mut moments = 0;
-    let sampling = Sampling { every: Some(0.01), dense: false };
+    let sampling = Sampling { every: Some(0.01), ..Sampling::default() };
     let run = plan.stream(0.1, sampling, &mut |seen| {
         moments += usize::from(matches!(seen, Seen::Moment(_)));
         recorder.see(seen);

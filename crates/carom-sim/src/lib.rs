@@ -54,8 +54,9 @@ pub use model::{
 pub use motion::{ContactState, NonUnique, free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};
 pub use run::{
-    Advance, AtContact, Broken, EnergyBooks, Event, EventKind, EventTime, LinearRun, NamedEvent, Sampling, Seen,
-    Segment, Sensitivity, Session, SessionState, Statistics, StepReason, StopReason, Summary, Trajectory, UnderLaw,
+    Advance, AtContact, Broken, EnergyBooks, Event, EventKind, EventLoads, EventTime, LinearRun, NamedEvent, Sampling,
+    Seen, Segment, Sensitivity, Session, SessionState, Statistics, StepReason, StopReason, Summary, Trajectory,
+    UnderLaw,
 };
 pub use scene::{Distribution, Perturbation, Scene};
 #[doc(hidden)]

@@ -149,7 +149,7 @@ fn a_point_is_a_spherical_pendulum() {
     let (q, qd) = ([XYZ[0], XYZ[1], XYZ[2], x, y, z, w], [0.0, 0.0, 0.0, rate.x, rate.y, rate.z]);
     let duration = 1.0;
     let mut states = Vec::new();
-    let sampling = Sampling { every: Some(0.25), dense: false };
+    let sampling = Sampling { every: Some(0.25), ..Sampling::default() };
     sim.stream(&q, &qd, duration, sampling, &mut |seen| {
         if let carom_sim::Seen::Moment(moment) = seen {
             states.push(moment.clone());

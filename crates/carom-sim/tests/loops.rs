@@ -15,7 +15,7 @@ fn simulation(chain: Chain, loops: Vec<Loop>) -> Simulation {
 /// The states at multiples of `every`, and the summary.
 fn sampled(sim: &Simulation, (q, qd): (&[f64], &[f64]), duration: f64, every: f64) -> (Vec<Moment>, Summary) {
     let mut moments = Vec::new();
-    let sampling = Sampling { every: Some(every), dense: false };
+    let sampling = Sampling { every: Some(every), ..Sampling::default() };
     let summary = sim.stream(q, qd, duration, sampling, &mut |seen| {
         if let Seen::Moment(moment) = seen {
             moments.push(moment.clone());

@@ -19,6 +19,7 @@ mod jams;
 mod lasting_contacts;
 mod laws;
 mod links;
+mod loads;
 mod loop_contacts;
 mod loop_joints;
 mod loops;

@@ -28,7 +28,7 @@ fn names(run: &Trajectory) -> Vec<(f64, &'static str)> {
 /// The contacts at every sample of a run.
 fn told(sim: &Simulation, q: &[f64], qd: &[f64], duration: f64, every: f64) -> Vec<(f64, Vec<ContactState>)> {
     let mut all = Vec::new();
-    let sampling = Sampling { every: Some(every), dense: false };
+    let sampling = Sampling { every: Some(every), ..Sampling::default() };
     sim.stream(q, qd, duration, sampling, &mut |seen| {
         if let Seen::Contacts(time, states) = seen {
             all.push((time, states.to_vec()));

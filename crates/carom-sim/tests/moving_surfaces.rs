@@ -109,7 +109,7 @@ fn the_force_on_a_lift_jumps_with_its_acceleration() {
         let height = if matches!(obstacle.surface(), carom_contact::Surface::HalfSpace { .. }) { 0.05 } else { 0.2 };
         let sim = on(glider(&[Z]), obstacle, law, motion.clone());
         let mut forces = Vec::new();
-        let sampling = Sampling { every: Some(0.0125), dense: false };
+        let sampling = Sampling { every: Some(0.0125), ..Sampling::default() };
         sim.stream(&[height], &[0.0], 0.8, sampling, &mut |seen| {
             if let Seen::Contacts(time, states) = seen {
                 forces.push((time, states[0].normal_force));

@@ -34,7 +34,7 @@ fn lying() -> [f64; 7] {
 /// The reasons of a run, and the contacts at its samples.
 fn seen(sim: &Simulation, q: &[f64], qd: &[f64], duration: f64) -> (Vec<(f64, NonUnique, usize)>, Vec<ContactState>) {
     let (mut reasons, mut told) = (Vec::new(), Vec::new());
-    let sampling = Sampling { every: Some(duration / 16.0), dense: false };
+    let sampling = Sampling { every: Some(duration / 16.0), ..Sampling::default() };
     sim.stream(q, qd, duration, sampling, &mut |seen| match seen {
         Seen::Contacts(_, states) => told.extend_from_slice(states),
         Seen::Event(event) => {

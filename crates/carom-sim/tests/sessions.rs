@@ -44,7 +44,7 @@ fn a_run_in_pieces_is_the_whole_run() {
 fn a_run_in_pieces_has_each_moment_once() {
     let falls = |e| (ball(e, 0.2), [0.0, 0.1], [0.5, 0.0]);
     for (sim, q, qd) in [falls(0.7), falls(0.0)] {
-        let sampling = Sampling { every: Some(0.01), dense: false };
+        let sampling = Sampling { every: Some(0.01), ..Sampling::default() };
         let collect = |moments: &mut Vec<Moment>, seen: Seen| {
             if let Seen::Moment(moment) = seen {
                 moments.push(moment.clone());

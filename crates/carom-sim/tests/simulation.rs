@@ -216,7 +216,7 @@ fn energy_is_conserved_without_impacts() {
     sim.gravity = Vector3::new(0.0, -G, 0.0);
     sim.tolerance = 1e-12;
     let mut moments = 0;
-    let sampling = Sampling { every: Some(0.004), dense: false };
+    let sampling = Sampling { every: Some(0.004), ..Sampling::default() };
     let run = sim.stream(&[1.0, 0.5], &[0.0, 0.0], 60.0, sampling, &mut |seen| {
         moments += usize::from(matches!(seen, Seen::Moment(_)));
     });
@@ -234,7 +234,7 @@ fn the_last_sample_of_a_run_is_at_its_end() {
     let sim = simulation(chain, far, rule("frictionless", 0.5, 0.0));
     for (duration, every, count) in [(0.3, 0.1, 4), (0.7, 0.1, 8), (1.2, 0.1, 13), (0.35, 2e-4, 1751), (0.35, 0.1, 4)] {
         let mut times = Vec::new();
-        let sampling = Sampling { every: Some(every), dense: false };
+        let sampling = Sampling { every: Some(every), ..Sampling::default() };
         sim.stream(&[1.0, 0.5], &[0.0, 0.0], duration, sampling, &mut |seen| {
             if let Seen::Moment(moment) = seen {
                 times.push(moment.time);

@@ -133,7 +133,7 @@ fn slip_that_an_impact_turns_while_it_begins_goes_on_in_its_new_direction() {
         zeno_time = 1e-5
     "#;
     let plan = scene(&[("cube.urdf", &cube)], text).unwrap().plan().unwrap();
-    let sampling = Sampling { every: Some(0.58108 / 86.0), dense: false };
+    let sampling = Sampling { every: Some(0.58108 / 86.0), ..Sampling::default() };
     let run = |tolerance, duration| {
         let simulation = Simulation { tolerance, ..plan.simulation.clone() };
         simulation.stream(&plan.q, &plan.qd, duration, sampling, &mut |_| {}).unwrap()

@@ -49,12 +49,12 @@ fn a_cube_on_a_sticking_corner_conserves_energy_and_momentum_in_few_steps() {
         q[2] = 1e-4 - simulation.smallest_gap(&q).unwrap();
         let qd = [0.0, 0.0, 0.0, wide(3.0), wide(3.0), wide(3.0)];
         let (mut moments, mut latest) = (Vec::new(), 0.0);
-        let sampling = Sampling { every: Some(0.01), dense: false };
+        let sampling = Sampling { every: Some(0.01), ..Sampling::default() };
         let summary = simulation
             .stream(&q, &qd, 0.06, sampling, &mut |seen| match seen {
                 Seen::Moment(moment) => moments.push(moment.clone()),
                 Seen::Event(event) => latest = event.time,
-                Seen::Contacts(..) | Seen::Segment(_) => {}
+                Seen::Contacts(..) | Seen::Motors(..) | Seen::Segment(_) => {}
             })
             .unwrap();
         // The cube falls from 0.1 mm and sticks to the end. Starts after which it slips or a second corner touches are not

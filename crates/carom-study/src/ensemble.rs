@@ -1,6 +1,8 @@
 //! Many runs of one scene from disturbed starts.
 
-use carom_sim::{EventKind, Moment, Sampling, Scene, Seen, SimError, Summary};
+use crate::scene_table::state_columns;
+use crate::table::Column;
+use carom_sim::{EventKind, Moment, Plan, Sampling, Scene, Seen, SimError, StopReason, Summary};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -17,6 +19,54 @@ pub struct Run {
     pub first_impact: Option<f64>,
     /// The result of the run, of the chain that the plan keeps; or why there is none, for instance an overlap at the start.
     pub result: Result<Summary, SimError>,
+}
+
+/// What to tell of runs of a scene that has no [`perturbation`](Scene::perturbation).
+pub const ALL_THE_SAME: &str =
+    "the scene has no disturbance, and all runs would be the same: add [run] perturb = { q = …, qd = … }";
+
+/// How runs end, in the column `outcome`.
+const OUTCOMES: [&str; 3] = ["duration", "events", "refused"];
+
+/// The columns of a table of runs: number, outcome, impacts, time of the first one, events; start, end; energies.
+pub fn run_columns(scene: &Scene, plan: &Plan) -> Vec<Column> {
+    let (whole, kept) = (state_columns(&scene.simulation.chain), state_columns(&plan.simulation.chain));
+    let mut columns = vec![Column::number("run"), Column::word("outcome", OUTCOMES)];
+    columns.extend(
+        [("impacts", ""), ("first_impact", "s"), ("events", "")].map(|(name, unit)| Column::number(name).in_unit(unit)),
+    );
+    let of = |moment: &str, it: &Column| Column::number(format!("{moment}.{}", it.name)).in_unit(it.unit);
+    columns.extend(whole[1..].iter().map(|it| of("start", it)));
+    columns.extend(kept.iter().map(|it| of("end", it)));
+    let energies = ["energy_start", "energy_end", "lost_in_impacts", "energy_error"];
+    columns.extend(energies.map(|name| Column::number(name).in_unit("J")));
+    columns
+}
+
+impl Run {
+    /// Its row among so many [columns](run_columns).
+    pub fn row(&self, columns: usize) -> Vec<f64> {
+        let start = self.start.q.iter().chain(&self.start.qd);
+        let mut row = vec![self.number as f64];
+        match &self.result {
+            Ok(summary) => {
+                let stop = f64::from(u8::from(summary.stop == StopReason::Events));
+                let first = self.first_impact.unwrap_or(f64::NAN);
+                row.extend([stop, self.impacts as f64, first, summary.events as f64]);
+                row.extend(start);
+                row.push(summary.last.time);
+                row.extend(summary.last.q.iter().chain(&summary.last.qd));
+                let energy = summary.energy;
+                row.extend([energy.start, energy.end, energy.impacts, energy.error()]);
+            }
+            Err(_) => {
+                row.extend([2.0, f64::NAN, f64::NAN, f64::NAN]);
+                row.extend(start);
+                row.resize(columns, f64::NAN);
+            }
+        }
+        row
+    }
 }
 
 /// Runs of one scene are computed in groups of this number for each thread; the threads wait for each other at the end of a group.

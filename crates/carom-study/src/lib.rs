@@ -5,7 +5,7 @@
 //! - [`ensemble()`]: many runs of a scene from disturbed starts;
 //! - [`hodograph`], [`routh_diagram`], [`impulse_space`]: diagrams of one impact that compare laws;
 //! - [`self_motion()`], [`tangential_map`]: maps of three-link and two-link arms; [`Table`]: CSV and Parquet tables;
-//!   [`state_columns`], [`contact_columns`]: those of a simulation; [`Part`]: files that are complete or not there.
+//!   [`state_columns`], [`contact_columns`], [`load_columns`]: those of a simulation; [`Part`]: files that are complete or not there.
 
 mod diagram;
 mod ensemble;
@@ -20,11 +20,14 @@ mod table;
 pub mod tosses;
 
 pub use diagram::{Diagram, LawPoint, Mark, Shape, Stroke, Symbol, hodograph, impulse_space, routh_diagram};
-pub use ensemble::{Run, ensemble};
+pub use ensemble::{ALL_THE_SAME, Run, ensemble, run_columns};
 pub use impact_map::{Approach, MapPoint, tangential_map};
 #[doc(hidden)] // shared with the other crates of this workspace that write files
 pub use part::{Part, remove_unfinished, write_whole};
-pub use scene_table::{SCENE_KEY, STUDY_KEY, contact_columns, contact_row, coordinate_columns, state_columns};
+pub use scene_table::{
+    SCENE_KEY, STUDY_KEY, contact_columns, contact_row, coordinate_columns, load_columns, load_rows, motor_columns,
+    state_columns,
+};
 pub use self_motion::{SelfMotionPoint, self_motion};
 pub use table::{Column, Table, TableError};
-pub use tosses::{Horizon, PoseError, RollOut, RollOutOptions, Start, Toss, TossError, Tosses};
+pub use tosses::{Horizon, PoseError, RollOut, RollOutOptions, Start, Toss, TossError, TossReport, Tosses};

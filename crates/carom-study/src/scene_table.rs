@@ -1,10 +1,11 @@
-//! Columns and rows of the tables of a simulation: states, and lasting contacts.
+//! Columns and rows of the tables of a simulation: states, lasting contacts, loads on the joints.
 
 use crate::table::Column;
 use carom_chain::urdf::JointType;
 use carom_chain::{Chain, Coordinates};
 use carom_impact::Flags;
-use carom_sim::{ContactState, Simulation};
+use carom_sim::{ContactState, Event, Simulation};
+use nalgebra::Vector3;
 
 /// Key of the scene's text in the metadata of Parquet tables.
 pub const SCENE_KEY: &str = "carom.scene";
@@ -44,6 +45,57 @@ pub fn state_columns(chain: &Chain) -> Vec<Column> {
     columns.extend(coordinate_columns(chain, "q", true));
     columns.extend(coordinate_columns(chain, "qd", false));
     columns
+}
+
+/// The columns of the forces of the motors, by joint, which follow [`state_columns`].
+pub fn motor_columns(chain: &Chain) -> Vec<Column> {
+    let mut columns = coordinate_columns(chain, "motor", false);
+    columns.iter_mut().for_each(|column| column.unit = if column.unit == "m/s" { "N" } else { "N m" });
+    columns
+}
+
+/// Kinds of the rows of a table of loads.
+const STRUCK: [&str; 4] = ["impact", "several", "latch", "limit"];
+
+/// The columns of a table of the loads of impacts: time, kind, joint, the impulse through the joint with its moment, and of joints with
+/// one coordinate Jᵀp and the forces of the motor before and after.
+pub fn load_columns(chain: &Chain) -> Vec<Column> {
+    let nothing = chain.joints().is_empty().then(String::new);
+    let names = chain.joints().iter().map(|joint| &joint.name).chain(&nothing);
+    let mut columns =
+        vec![Column::number("time").in_unit("s"), Column::word("kind", STRUCK), Column::word("joint", names)];
+    let own = ["joint_impulse", "motor_minus", "motor_plus"];
+    let units = [("N s", &["fx", "fy", "fz"][..]), ("N m s", &["mx", "my", "mz"])];
+    let own = [("N m s or N s", &own[..1]), ("N m or N", &own[1..])];
+    for (unit, names) in units.into_iter().chain(own) {
+        columns.extend(names.iter().map(|name| Column::number(*name).in_unit(unit)));
+    }
+    columns
+}
+
+/// The rows of an event for [`load_columns`], one for each joint that moves; none without [loads](Event::loads). Missing numbers are NaN.
+pub fn load_rows(chain: &Chain, event: &Event) -> Vec<Vec<f64>> {
+    let Some(loads) = &event.loads else { return Vec::new() };
+    let kind = STRUCK.iter().position(|kind| *kind == event.kind.name()).map_or(f64::NAN, |k| k as f64);
+    let row = |(k, joint): (usize, &carom_chain::JointInfo)| {
+        let through = loads.impact.through.iter().find(|own| own.joint == joint.name);
+        let v = match &joint.coordinates {
+            Coordinates::Own { v, .. } if v.len() == 1 => Some(v.start),
+            Coordinates::None => return None,
+            _ => None,
+        };
+        let vectors = through.map_or([Vector3::repeat(f64::NAN); 2], |own| [own.force, own.moment]);
+        let of = |numbers: &[f64]| v.map_or(f64::NAN, |v| numbers[v]);
+        let own = [&loads.impact.joint_impulse, &loads.motors_minus, &loads.motors_plus].map(|numbers| of(numbers));
+        Some(
+            [event.time, kind, k as f64]
+                .into_iter()
+                .chain(vectors.into_iter().flat_map(<[f64; 3]>::from))
+                .chain(own)
+                .collect(),
+        )
+    };
+    chain.joints().iter().enumerate().filter_map(row).collect()
 }
 
 /// Modes of the rows of a table of contacts.

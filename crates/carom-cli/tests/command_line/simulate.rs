@@ -32,6 +32,46 @@ fn simulate_gives_events_and_a_table() {
     assert_eq!(table.lines().count(), 127);
 }
 
+/// The loads of an event in the answer are the rows of its time in the table; the motors have columns only where loads are asked for.
+#[test]
+fn loads_of_a_run_are_in_the_answer_and_in_tables() {
+    let desk = Desk::new();
+    desk.scene(|text| {
+        text.replace("\"off\"", "\"pd\"\nkp = 9\nkd = 1\ntarget = [0.7854, -1.5708]").replace("= 0.5", "= 0.02")
+    });
+    let run = &desk.answers("simulate s.toml --json --loads --out x.csv --joint-loads l.csv", "")[0];
+    let event = run["events"].as_array().unwrap().iter().find(|event| event["kind"] == "impact").unwrap();
+    let rows = |file: &str| -> Vec<Vec<String>> {
+        let text = std::fs::read_to_string(desk.0.join(file)).unwrap();
+        text.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect()
+    };
+    let loads = rows("l.csv");
+    assert_eq!(loads[0].join(","), "time,kind,joint,fx,fy,fz,mx,my,mz,joint_impulse,motor_minus,motor_plus");
+    assert_eq!(loads.len(), 3);
+    for (k, row) in loads[1..].iter().enumerate() {
+        let bearing = &event["loads"]["bearings"][k];
+        assert_eq!((&row[1], row[2].as_str()), (&"impact".to_owned(), bearing["joint"].as_str().unwrap()));
+        let own = [&bearing["force"][0], &bearing["force"][1], &bearing["force"][2]];
+        let of = |name: &str| &event["loads"][name][k];
+        let numbers =
+            [&event["time"]].into_iter().chain(own).chain(["joint_impulse", "motors_minus", "motors_plus"].map(of));
+        for (cell, number) in [0, 3, 4, 5, 9, 10, 11].into_iter().zip(numbers) {
+            assert_eq!(row[cell].parse::<f64>().unwrap(), number.as_f64().unwrap(), "{row:?}");
+        }
+    }
+    let states = rows("x.csv");
+    assert_eq!(states[0].join(","), "time,q.shoulder,q.elbow,qd.shoulder,qd.elbow,motor.shoulder,motor.elbow");
+    // kp (q* − q) − kd q̇ at the start: the target is the start.
+    let at = |k: usize| states[1][k].parse::<f64>().unwrap();
+    assert!((at(5) + at(3)).abs() < 1e-12 && (at(6) + at(4)).abs() < 1e-12 && at(5) != 0.0, "{:?}", states[1]);
+    let plain = desk.run("simulate s.toml --json --out y.csv");
+    assert!(!plain.out.contains("loads") && rows("y.csv")[0].len() == 5);
+    let said = desk.run("simulate s.toml --loads").out;
+    assert!(said.contains("through shoulder") && said.contains("motors ("), "{said}");
+    let why = "--runs: write one table, with --out, without --contacts, --joint-loads and recordings";
+    refused(desk.run("simulate s.toml --joint-loads l.csv --runs 2"), why);
+}
+
 /// A box that spins on its four corners: an event with its reason and contacts, a flag at each contact of answer and table, the time.
 #[test]
 fn simulate_tells_where_a_motion_is_not_unique() {

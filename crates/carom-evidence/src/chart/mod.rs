@@ -463,7 +463,7 @@ fn measure(
     // First the states, as a run that is refused needs no time.
     let soft = sim.touches.iter().any(|touch| touch.contact.compliance.is_some());
     let mut watch = After { reference, sim, qd: None, rigid: false };
-    let sampling = Sampling { every: sim.stepping.then_some(sim.contact_step), dense: false };
+    let sampling = Sampling { every: sim.stepping.then_some(sim.contact_step), ..Sampling::default() };
     let summary = sim
         .stream(&scene.q, &scene.qd, scene.duration, sampling, &mut |seen| watch.see(&seen))
         .map_err(|e| e.to_string())?;
@@ -471,7 +471,7 @@ fn measure(
         let what = if watch.rigid { "an impact of several rigid contacts" } else { "time steps with rigid contacts" };
         return Err(format!("the run has {what}, which does not depend on the stiffness"));
     }
-    let bare = Sampling { every: None, dense: false };
+    let bare = Sampling::default();
     let begin = Instant::now();
     let mut times = Vec::new();
     while times.is_empty() || (times.len() < 1000 && begin.elapsed() < long) || {

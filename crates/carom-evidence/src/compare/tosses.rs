@@ -409,7 +409,7 @@ mod tests {
             let q = [0.0, 0.0, 0.15, turn.i, turn.j, turn.k, turn.w];
             let qd = [wide(0.5), wide(0.5), wide(0.3), wide(5.0), wide(5.0), wide(5.0)];
             let mut samples = Vec::new();
-            let sampling = Sampling { every: Some(0.01), dense: false };
+            let sampling = Sampling { every: Some(0.01), ..Sampling::default() };
             let mut keep = |seen: Seen<'_>| {
                 if let Seen::Moment(moment) = seen {
                     samples.push(moment.clone());

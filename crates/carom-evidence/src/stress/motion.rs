@@ -249,7 +249,7 @@ pub fn ten_thousand_bounces(method: &str) -> Judged {
         sim.contact_step = SHORT_STEP;
     }
     let mut bounces = 0_u32;
-    let sampling = carom_sim::Sampling { every: None, dense: false };
+    let sampling = carom_sim::Sampling::default();
     let counted = &mut |seen: carom_sim::Seen| {
         if let carom_sim::Seen::Event(event) = seen {
             bounces += u32::from(matches!(event.kind, EventKind::Impact { .. } | EventKind::LiftOff { .. }));

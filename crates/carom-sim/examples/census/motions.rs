@@ -70,7 +70,7 @@ impl Study {
         let mut start = start.clone();
         start.0[0] += raised;
         let mut path = Vec::new();
-        let sampling = Sampling { every: Some(self.duration / SAMPLES), dense: false };
+        let sampling = Sampling { every: Some(self.duration / SAMPLES), ..Sampling::default() };
         let see = &mut |seen: Seen| {
             if let Seen::Moment(moment) = seen {
                 path.push(moment.q.clone());

@@ -18,7 +18,6 @@ use serde::Serialize;
 pub struct ImpactLoads {
     /// Jᵀp of all impulses, length nv, N m s or N s: what the impact demands of each joint. It accelerates the chain where joints are
     /// free, M (q̇⁺ − q̇⁻) = Jᵀp, and loads the drives where they are locked.
-    #[serde(skip)]
     pub joint_impulse: Vec<f64>,
     /// The impulse through every joint that moves, in the order of the file.
     #[serde(rename = "bearings")]

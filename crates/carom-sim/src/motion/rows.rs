@@ -276,13 +276,19 @@ impl Constraints {
 
     /// The smallest change x of velocities, in the metric of M, with R x = `errors`: M⁻¹Rᵀ π on independent rows.
     pub fn least(&self, responses: &Rows, errors: &[f64]) -> Vec<f64> {
-        let basis = Basis::of(&self.rows.times(responses));
-        let wanted = DMatrix::from_fn(basis.rows.len(), 1, |i, _| errors[basis.rows[i]]);
         let mut x = vec![0.0; responses.iter().next().map_or(0, <[f64]>::len)];
-        for (row, force) in basis.rows.iter().zip(basis.solve(&wanted).unwrap_or_default().iter()) {
-            x.iter_mut().zip(responses.row(*row)).for_each(|(x, response)| *x += force * response);
+        for (row, force) in self.least_forces(responses, errors) {
+            x.iter_mut().zip(responses.row(row)).for_each(|(x, response)| *x += force * response);
         }
         x
+    }
+
+    /// π of [`Self::least`]: the independent rows with their forces or impulses.
+    pub fn least_forces(&self, responses: &Rows, errors: &[f64]) -> impl Iterator<Item = (usize, f64)> {
+        let basis = Basis::of(&self.rows.times(responses));
+        let wanted = DMatrix::from_fn(basis.rows.len(), 1, |i, _| errors[basis.rows[i]]);
+        let forces = basis.solve(&wanted).unwrap_or_default();
+        basis.rows.into_iter().enumerate().map(move |(i, row)| (row, forces.get(i).copied().unwrap_or(0.0)))
     }
 
     /// The laws of the rows in a complementarity problem: of forces and accelerations, or of impulses and velocities, over a time `span` (1

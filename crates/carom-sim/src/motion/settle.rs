@@ -10,7 +10,7 @@ use super::select::Candidate;
 use super::smooth::Motion;
 use crate::contact::Touch;
 use crate::error::SimError;
-use crate::state::{EXACT, ROUNDING, Space, View};
+use crate::state::{ContactImpulse, EXACT, ROUNDING, Space, View};
 use carom_chain::Rows;
 use nalgebra::{DMatrix, DVector};
 
@@ -70,6 +70,24 @@ impl<A: Space> Motion<'_, A> {
             }
         }
         Ok(changed)
+    }
+
+    /// The impulses at the lasting contacts by which [`Self::settle`] has changed the velocities to those of this state.
+    pub fn impulses_of(&mut self, change: &[f64], time: f64, y: &[f64]) -> Result<Vec<ContactImpulse>, SimError> {
+        let (q, _) = self.split(y);
+        let Self { sim, model, workspace, couplings, active, .. } = self;
+        let mut view = View::closed_by(*model, workspace, q, couplings)?;
+        let (mut table, mut responses) = (Constraints::new(change.len()), Rows::new(change.len()));
+        for own in active.lasting.iter().filter(|own| own.is_rigid()) {
+            let touch = &sim.touches[own.touch];
+            table.add((own, touch), (&touch.at(&view, q, time), &view), time, Level::Velocities)?;
+        }
+        table.hold(&active.dry);
+        view.respond(&table.rows, &mut responses)?;
+        let changes: Vec<f64> = table.rows.iter().map(|row| row.iter().zip(change).map(|(r, v)| r * v).sum()).collect();
+        let mut impulse = vec![0.0; table.rows.len()];
+        table.least_forces(&responses, &changes).for_each(|(row, force)| impulse[row] = force);
+        Ok(table.impulses(&impulse))
     }
 
     /// Sets the normal velocities of these contacts to zero, and keeps those at rest at rest, by impulses along the directions of

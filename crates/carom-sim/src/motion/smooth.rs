@@ -149,6 +149,22 @@ impl<'a, A: Space> Motion<'a, A> {
     /// [`Motion::applied`], into `tau`.
     pub fn apply(&mut self, time: f64, q: &[f64], qd: &[f64], tau: &mut [f64]) -> Result<[f64; 2], SimError> {
         let resisted = self.resist(q, qd, tau);
+        let mut driven = self.push_motors(time, (q, qd), tau)?;
+        let sim = self.sim;
+        if !self.pushed.is_empty() {
+            let mut pushed = vec![0.0; qd.len()];
+            let view = View::<A>::new(self.model, &mut self.workspace, q)?;
+            for (wrench, frame) in sim.wrenches.iter().zip(&self.pushed) {
+                wrench.push(*frame, &view, time, &mut pushed)?;
+            }
+            driven += pushed.iter().zip(qd).map(|(f, v)| f * v).sum::<f64>();
+            tau.iter_mut().zip(&pushed).for_each(|(tau, f)| *tau += f);
+        }
+        Ok([driven, resisted])
+    }
+
+    /// Adds the forces of the motors, after their limits, to `tau`; returns their power.
+    fn push_motors(&mut self, time: f64, state: (&[f64], &[f64]), tau: &mut [f64]) -> Result<f64, SimError> {
         let (sim, drive) = (self.sim, self.drive());
         let asked = Asked {
             chain: &sim.chain,
@@ -160,17 +176,14 @@ impl<'a, A: Space> Motion<'a, A> {
             damping: &self.damping,
             springs: &self.springs,
         };
-        let mut driven = drive.push(&asked, (self.model, &mut self.workspace), (q, qd), tau)?;
-        if !self.pushed.is_empty() {
-            let mut pushed = vec![0.0; qd.len()];
-            let view = View::<A>::new(self.model, &mut self.workspace, q)?;
-            for (wrench, frame) in sim.wrenches.iter().zip(&self.pushed) {
-                wrench.push(*frame, &view, time, &mut pushed)?;
-            }
-            driven += pushed.iter().zip(qd).map(|(f, v)| f * v).sum::<f64>();
-            tau.iter_mut().zip(&pushed).for_each(|(tau, f)| *tau += f);
-        }
-        Ok([driven, resisted])
+        drive.push(&asked, (self.model, &mut self.workspace), state, tau)
+    }
+
+    /// The forces of the motors, after their limits, length nv.
+    pub fn motor_forces(&mut self, time: f64, y: &[f64]) -> Result<Vec<f64>, SimError> {
+        let mut tau = vec![0.0; self.sim.chain.nv()];
+        self.push_motors(time, self.sim.split(y), &mut tau)?;
+        Ok(tau)
     }
 
     /// Writes the forces of damping, springs and slipping dry friction into `tau`; returns the power of those that dissipate.

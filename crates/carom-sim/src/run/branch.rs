@@ -4,6 +4,7 @@ use super::guarded::Guarded;
 use super::leap::{LEAST, Leap, NODES, PAST};
 use super::leg::{Accuracy, pass};
 use super::run_state::Run;
+use super::sampler::Told;
 use super::trajectory::Segment;
 use crate::error::SimError;
 use crate::motion::Lasting;
@@ -102,7 +103,13 @@ impl<A: Space> Run<'_, '_, A> {
             }
             self.history.lost += change;
         }
-        self.sampler.stretch((start, self.time, Segment::POINTS), |time| leap.at(time), |_, _| Vec::new());
+        let (motion, mut failed, loads) = (&mut self.motion, None, self.sampler.sampling.loads);
+        let told = |time: f64, y: &[f64]| {
+            let motors = if loads { motion.motor_forces(time, y) } else { Ok(Vec::new()) };
+            Told { contacts: Vec::new(), motors: motors.map_err(|error| failed = Some(error)).unwrap_or_default() }
+        };
+        self.sampler.stretch((start, self.time, Segment::POINTS), |time| leap.at(time), told);
+        failed.map_or(Ok(()), Err)?;
         self.history.leap = Some(leap).filter(|_| !ends);
         Ok(())
     }

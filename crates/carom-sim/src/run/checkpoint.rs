@@ -87,7 +87,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     /// Stays at rest to the end.
     pub fn stay(&mut self) -> Result<(), SimError> {
         let (start, y) = (std::mem::replace(&mut self.time, self.end), self.y.clone());
-        let told = self.motion.contact_states(start, &y)?;
+        let contacts = self.motion.contact_states(start, &y)?;
+        let told = self.told(contacts, &y)?;
         self.sampler.stretch((start, self.end, 2), |_| y.clone(), |_, _| told.clone());
         Ok(())
     }

@@ -18,7 +18,7 @@ use super::guard::Guard;
 use super::guarded::Guarded;
 use super::leg::{Accuracy, LegEnd, PATIENCE, leg};
 use super::run_state::Run;
-use super::trajectory::{Event, EventKind, Sampling, Seen, StepReason, Summary};
+use super::trajectory::{Event, EventKind, EventLoads, Sampling, Seen, StepReason, Summary};
 use crate::contact::Touch;
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
@@ -218,10 +218,21 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     }
 
     /// Outputs an event that led from `before` to the present state.
-    pub fn note(&mut self, kind: EventKind, before: &[f64], impulses: Vec<ContactImpulse>) {
+    pub fn note(&mut self, kind: EventKind, before: &[f64]) {
+        self.note_impact(kind, before, Vec::new(), None);
+    }
+
+    /// [`Self::note`] for an impact.
+    pub fn note_impact(
+        &mut self,
+        kind: EventKind,
+        before: &[f64],
+        impulses: Vec<ContactImpulse>,
+        loads: Option<Box<EventLoads>>,
+    ) {
         let (q, qd_plus) = self.q_qd();
         let qd_minus = self.motion.split(before).1.to_vec();
-        (self.sampler.watch)(Seen::Event(&Event { time: self.time, kind, q, qd_minus, qd_plus, impulses }));
+        (self.sampler.watch)(Seen::Event(&Event { time: self.time, kind, q, qd_minus, qd_plus, impulses, loads }));
         self.history.events += 1;
     }
 }

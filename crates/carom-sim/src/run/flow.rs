@@ -2,8 +2,8 @@
 
 use super::differences::differences;
 use super::guard::GuardValue;
+use super::sampler::Told;
 use crate::error::SimError;
-use crate::motion::ContactState;
 use ivp::ivp::FirstOrderSystem;
 use ivp::matrix::Matrix;
 use std::cell::RefCell;
@@ -35,8 +35,8 @@ pub(crate) trait Flow {
     fn closed_last(&mut self, _: f64, _: &[f64]) -> Result<Option<usize>, SimError> {
         Ok(None)
     }
-    /// The lasting contacts at (t, y).
-    fn contacts(&mut self, t: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError>;
+    /// What is output at (t, y), with the forces of the motors or without.
+    fn told(&mut self, t: f64, y: &[f64], motors: bool) -> Result<Told, SimError>;
     /// Closes the loops at a state between two steps.
     fn close(&mut self, y: &mut [f64]) -> Result<(), SimError>;
     /// Projects a state that drifted off its constraint back onto it; returns whether it changed the state.

@@ -361,12 +361,12 @@ impl<A: Space> Run<'_, '_, A> {
             }
             Guard::Leaves(i) => {
                 let touch = self.motion.active.lasting.remove(i).touch;
-                self.note(EventKind::LiftOff { touch }, &before, Vec::new());
+                self.note(EventKind::LiftOff { touch }, &before);
                 return self.leave(touch, &before);
             }
             Guard::Depth(i) => {
                 let own = self.motion.active.lasting.remove(i);
-                self.note(EventKind::LiftOff { touch: own.touch }, &before, Vec::new());
+                self.note(EventKind::LiftOff { touch: own.touch }, &before);
             }
             Guard::Turns(i) => {
                 let (gap, _) = self.gap(self.motion.active.lasting[i].touch)?;
@@ -415,7 +415,7 @@ impl<A: Space> Run<'_, '_, A> {
                 }
                 Guard::SlipStops(i) | Guard::Cone(i) => {
                     if let Some(mode) = self.motion.active.lasting.get(i).map(Lasting::mode) {
-                        self.note(EventKind::Mode { mode }, &before, Vec::new());
+                        self.note(EventKind::Mode { mode }, &before);
                     }
                 }
                 Guard::JointStops(k) | Guard::JointBreaksLoose(k)

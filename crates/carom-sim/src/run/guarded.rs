@@ -2,8 +2,9 @@
 
 use super::flow::Flow;
 use super::guard::{Guard, GuardValue, Is, look, passing};
+use super::sampler::Told;
 use crate::error::SimError;
-use crate::motion::{ConstraintForces, ContactState, Lasting, Motion};
+use crate::motion::{ConstraintForces, Lasting, Motion};
 use crate::state::{Space, View};
 use std::ops::Range;
 
@@ -152,9 +153,11 @@ impl<A: Space> Flow for Guarded<'_, '_, A> {
         Ok(parts.min_by(|a, b| a.1.1.value.abs().total_cmp(&b.1.1.value.abs())).map(|(k, _)| k))
     }
 
-    fn contacts(&mut self, time: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError> {
+    fn told(&mut self, time: f64, y: &[f64], motors: bool) -> Result<Told, SimError> {
         self.known = None; // the scratch memory of the motion is that of other states afterwards
-        self.motion.contact_states(time.min(self.latest), y)
+        let time = time.min(self.latest);
+        let motors = if motors { self.motion.motor_forces(time, y)? } else { Vec::new() };
+        Ok(Told { contacts: self.motion.contact_states(time, y)?, motors })
     }
 
     fn close(&mut self, y: &mut [f64]) -> Result<(), SimError> {

@@ -277,7 +277,9 @@ impl<A: Space> Run<'_, '_, A> {
         let old = self.motion.active.lasting.clone();
         self.motion.active.lasting.push(Lasting { touch, hold: Hold::Latched });
         self.motion.settle(self.time, &mut self.y)?;
-        self.book(EventKind::Latch { touch }, &[touch], Vec::new(), &before)?;
+        let change: Vec<f64> = self.q_qd().1.iter().zip(self.motion.split(&before).1).map(|(v, old)| v - old).collect();
+        let impulses = self.motion.impulses_of(&change, self.time, &self.y)?;
+        self.book(EventKind::Latch { touch }, &[touch], impulses, &before)?;
         self.motion.active.lasting = old;
         self.resettle(None, &[touch], &before)
     }
@@ -337,8 +339,10 @@ impl<A: Space> Run<'_, '_, A> {
         impulses: Vec<ContactImpulse>,
         before: &[f64],
     ) -> Result<(), SimError> {
+        let motors = self.motor_forces(before)?;
         hits.iter().for_each(|&touch| self.motion.active.count_impact(touch, self.motion.sim));
-        self.note(kind, before, impulses);
+        let loads = self.loads(before, &impulses, motors)?;
+        self.note_impact(kind, before, impulses, loads);
         self.history.lost += self.motion.energy(before)? - self.motion.energy(&self.y)?;
         Ok(())
     }
@@ -379,9 +383,10 @@ impl<A: Space> Run<'_, '_, A> {
                 Err(SimError::Jam { .. }) => Vec::new(),
                 told => told?,
             };
+            let told = self.told(told, &y)?;
             self.sampler.stretch((from, self.time, 2), |_| y.clone(), |_, _| told.clone());
             for &touch in &ending {
-                self.note(EventKind::Zeno { touch, impacts: self.motion.active.impacts[touch] }, &start, Vec::new());
+                self.note(EventKind::Zeno { touch, impacts: self.motion.active.impacts[touch] }, &start);
             }
             if let Some(reason) = self.choose(&still)? {
                 return self.no_mode(reason);

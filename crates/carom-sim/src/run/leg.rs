@@ -250,9 +250,9 @@ fn integrate(
 
 #[cfg(test)]
 mod tests {
+    use super::super::sampler::Told;
     use super::super::trajectory::Sampling;
     use super::*;
-    use crate::motion::ContactState;
 
     /// A flow with the rate 1, whose guards are gaps that depend on time alone.
     struct Clock<F> {
@@ -278,8 +278,8 @@ mod tests {
         fn guard(&mut self, k: usize, t: f64, _: &[f64]) -> Result<GuardValue, SimError> {
             Ok((self.gaps)(t)[k])
         }
-        fn contacts(&mut self, _: f64, _: &[f64]) -> Result<Vec<ContactState>, SimError> {
-            Ok(Vec::new())
+        fn told(&mut self, _: f64, _: &[f64], _: bool) -> Result<Told, SimError> {
+            Ok(Told::default())
         }
         fn close(&mut self, _: &mut [f64]) -> Result<(), SimError> {
             Ok(())
@@ -299,7 +299,7 @@ mod tests {
         let accuracy =
             Accuracy { tolerance: 1e-9, max_step: 1.0, integrator, patience: None, first_step: None, short: false };
         let mut statistics = Statistics::default();
-        let sampling = Sampling { every: None, dense: false };
+        let sampling = Sampling::default();
         let mut sampler = Sampler { sampling, sizes: (1, 0), count: 0, until: 0.0, watch: &mut |_| {}, path: None };
         let found = leg(&mut flow, 0.0, &[1.0], end, accuracy, &mut statistics, &mut sampler).unwrap();
         (found, statistics, flow.latest)

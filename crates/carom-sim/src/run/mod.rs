@@ -12,8 +12,8 @@ mod history;
 mod impacts;
 mod leap;
 mod leg;
-
 mod linear_run;
+mod loads;
 mod modes;
 mod named;
 mod observer;
@@ -22,7 +22,6 @@ mod sampler;
 mod sensitivity;
 mod session;
 mod several;
-
 mod steps;
 mod stream;
 mod trajectory;
@@ -33,5 +32,6 @@ pub use named::{AtContact, NamedEvent, UnderLaw};
 pub use sensitivity::{Broken, EventTime, Sensitivity};
 pub use session::{Advance, Session, SessionState};
 pub use trajectory::{
-    EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StepReason, StopReason, Summary, Trajectory,
+    EnergyBooks, Event, EventKind, EventLoads, Sampling, Seen, Segment, Statistics, StepReason, StopReason, Summary,
+    Trajectory,
 };

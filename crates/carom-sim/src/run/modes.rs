@@ -21,7 +21,7 @@ impl<A: Space> Run<'_, '_, A> {
     pub fn note_joint(&mut self, k: usize, before: &[f64]) {
         let DryJoint { v, state, .. } = self.motion.active.dry[k];
         let joint = self.motion.sim.chain.joint_of_velocity(v).map_or_else(String::new, |joint| joint.name.clone());
-        self.note(EventKind::Joint { joint, holds: state == Dry::Holds }, before, Vec::new());
+        self.note(EventKind::Joint { joint, holds: state == Dry::Holds }, before);
     }
 
     /// The modes of the contacts that last, without the touch that is `gone`, and of those in `more`, and the events of their changes.
@@ -77,12 +77,12 @@ impl<A: Space> Run<'_, '_, A> {
     pub fn note_changes(&mut self, old: &[Lasting], before: &[f64]) {
         let new = self.motion.active.lasting.clone();
         for own in old.iter().filter(|own| !new.iter().any(|now| now.touch == own.touch)) {
-            self.note(EventKind::LiftOff { touch: own.touch }, before, Vec::new());
+            self.note(EventKind::LiftOff { touch: own.touch }, before);
         }
         for now in &new {
             let same = |own: &Lasting| std::mem::discriminant(&own.mode()) == std::mem::discriminant(&now.mode());
             if !old.iter().any(|own| own.touch == now.touch && same(own)) {
-                self.note(EventKind::Mode { mode: now.mode() }, before, Vec::new());
+                self.note(EventKind::Mode { mode: now.mode() }, before);
             }
         }
     }
@@ -111,7 +111,7 @@ impl<A: Space> Run<'_, '_, A> {
         self.y[nq..nq + nv].fill(0.0);
         self.history.resting = true;
         if !rested {
-            self.note(EventKind::Rest, &before, Vec::new());
+            self.note(EventKind::Rest, &before);
         }
         self.stay()
     }
@@ -123,7 +123,7 @@ impl<A: Space> Run<'_, '_, A> {
             && open != self.history.open
         {
             let (y, touches) = (self.y.clone(), touches.clone());
-            self.note(EventKind::NonUnique { reason: *reason, touches }, &y, Vec::new());
+            self.note(EventKind::NonUnique { reason: *reason, touches }, &y);
         }
         self.history.open = open;
         Ok(())
@@ -137,7 +137,7 @@ impl<A: Space> Run<'_, '_, A> {
         let turned: Vec<_> = turned.collect();
         self.history.slip_goes_on = turned.is_empty();
         for mode in turned {
-            self.note(EventKind::Mode { mode }, before, Vec::new());
+            self.note(EventKind::Mode { mode }, before);
         }
     }
 

@@ -1,6 +1,6 @@
 //! Events and contacts with the names of their contacts, as they are written.
 
-use super::trajectory::{Event, EventKind};
+use super::trajectory::{Event, EventKind, EventLoads};
 use crate::contact::Touch;
 use crate::impact::ChainImpact;
 use crate::motion::ContactState;
@@ -58,6 +58,9 @@ pub struct NamedEvent<'a> {
     /// The contact impulses.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub impulses: Vec<AtContact<'a, ContactImpulse>>,
+    /// The loads on the joints, if they were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub loads: Option<&'a EventLoads>,
 }
 
 impl Event {
@@ -93,6 +96,7 @@ impl Event {
                 _ => None,
             },
             impulses: self.impulses.iter().map(|what| AtContact { contact: name(&what.touch), what }).collect(),
+            loads: self.loads.as_deref(),
         }
     }
 }

@@ -126,7 +126,9 @@ impl SolOut for Observer<'_, '_, '_> {
                 let states = Step::POINTS.map(|point| at(start + (until - start) * point)).to_vec();
                 path.push(Step { start, end: until, states });
             }
-            sampler.stretch((start, until, Segment::POINTS), at, |time, y| system.ask(|flow| flow.contacts(time, y)));
+            let loads = sampler.sampling.loads;
+            let told = |time: f64, y: &[f64]| system.ask(|flow| flow.told(time, y, loads));
+            sampler.stretch((start, until, Segment::POINTS), at, told);
         }
         if let Some(((time, level), guard)) = first {
             self.found = Some(Crossing { guard, level, start, end, y: self.y_before.clone(), time });

@@ -4,6 +4,15 @@ use super::trajectory::{Sampling, Seen, Segment};
 use crate::motion::ContactState;
 use crate::state::Moment;
 
+/// What is output with a moment beside its state.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Told {
+    /// The lasting contacts.
+    pub contacts: Vec<ContactState>,
+    /// The forces of the motors, if loads are asked for.
+    pub motors: Vec<f64>,
+}
+
 /// Passes moments at multiples of an interval, and segments, to the callback.
 pub(crate) struct Sampler<'a> {
     pub sampling: Sampling,
@@ -35,13 +44,13 @@ impl Step {
 }
 
 impl Sampler<'_> {
-    /// Outputs the moments and the segment between `start` and `end`. `at` computes the state at a time, `contacts` the lasting
-    /// contacts there; a segment has `points` points.
+    /// Outputs the moments and the segment between `start` and `end`. `at` computes the state at a time, `told` what is
+    /// output with it; a segment has `points` points.
     pub fn stretch(
         &mut self,
         (start, end, points): (f64, f64, usize),
         mut at: impl FnMut(f64) -> Vec<f64>,
-        mut contacts: impl FnMut(f64, &[f64]) -> Vec<ContactState>,
+        mut told: impl FnMut(f64, &[f64]) -> Told,
     ) {
         let (nq, nv) = self.sizes;
         if let Some(every) = self.sampling.every {
@@ -50,9 +59,12 @@ impl Sampler<'_> {
                 let time = (self.count as f64 * every).min(end);
                 let y = at(time);
                 (self.watch)(Seen::Moment(&Moment { time, q: y[..nq].to_vec(), qd: y[nq..nq + nv].to_vec() }));
-                let states = contacts(time, &y);
-                if !states.is_empty() {
-                    (self.watch)(Seen::Contacts(time, &states));
+                let Told { contacts, motors } = told(time, &y);
+                if !contacts.is_empty() {
+                    (self.watch)(Seen::Contacts(time, &contacts));
+                }
+                if self.sampling.loads {
+                    (self.watch)(Seen::Motors(time, &motors));
                 }
                 self.count += 1;
             }

@@ -124,6 +124,15 @@ impl Session {
         self.ask(|run| run.contacts(), |run| run.contacts())
     }
 
+    /// The forces of the motors now, after their limits, under the drive that was set last: length nv; N m, N.
+    ///
+    /// # Errors
+    /// [`SimError`] of the drive.
+    pub fn motor_forces(&self) -> Result<Vec<f64>, SimError> {
+        let Checkpoint { time, y, .. } = &self.state.checkpoint;
+        self.ask(|run| run.motion.motor_forces(*time, y), |run| run.motion.motor_forces(*time, y))
+    }
+
     /// The energy balance since the start of the session.
     ///
     /// # Errors
@@ -182,6 +191,19 @@ impl Session {
         watch: &mut dyn FnMut(Seen),
     ) -> Result<StopReason, SimError> {
         self.pass(duration, false, sampling, watch)
+    }
+
+    /// [`Session::stream`] to the next event, by `longest` seconds at most.
+    ///
+    /// # Errors
+    /// As [`Session::advance`].
+    pub fn stream_to_event(
+        &mut self,
+        longest: f64,
+        sampling: Sampling,
+        watch: &mut dyn FnMut(Seen),
+    ) -> Result<StopReason, SimError> {
+        self.pass(longest, true, sampling, watch)
     }
 
     /// The results so far, as those of a run that ends now for the reason `stop`.
@@ -247,7 +269,10 @@ impl Session {
     ) -> Result<StopReason, SimError> {
         let moment = self.moment();
         self.simulation.check(&moment.q, &moment.qd, duration, sampling.every)?;
-        self.state.pending.iter().for_each(|event| watch(Seen::Event(event)));
+        for event in &self.state.pending {
+            let loads = event.loads.clone().filter(|_| sampling.loads);
+            watch(Seen::Event(&Event { loads, ..event.clone() }));
+        }
         if to_event && !self.state.pending.is_empty() {
             self.state.pending.clear();
             return Ok(StopReason::Duration);
@@ -291,7 +316,9 @@ fn start<A: Space>(sim: &Simulation, model: &A::Model, q: &[f64], qd: &[f64]) ->
             pending.push(event.clone());
         }
     };
-    let mut run = Run::<A>::at_start(sim, model, (q, qd), Sampling::default(), watch)?;
+    // With loads, in case that the first advance asks for them.
+    let sampling = Sampling { loads: true, ..Sampling::default() };
+    let mut run = Run::<A>::at_start(sim, model, (q, qd), sampling, watch)?;
     let start = run.motion.energy(&run.y)?;
     run.end = run.time;
     run.begin()?;

@@ -28,6 +28,7 @@
 
 use super::history::History;
 use super::run_state::Run;
+use super::sampler::Told;
 use super::trajectory::{EventKind, StepReason};
 use crate::contact::{ContactMode, SeveralLaw, Touch};
 use crate::error::SimError;
@@ -71,7 +72,7 @@ struct TimeStep {
     middle: Vec<f64>,
     /// The state at its end.
     after: Vec<f64>,
-    told: Vec<ContactState>,
+    told: Told,
     /// Whether all contacts were open.
     open: bool,
     /// Whether all velocities are zero.
@@ -117,10 +118,10 @@ impl<A: Space> Run<'_, '_, A> {
                 self.put_back(0.0)?;
                 let y = self.y.clone();
                 if !std::mem::replace(&mut self.history.resting, true) {
-                    self.note(EventKind::Rest, &y, Vec::new());
+                    self.note(EventKind::Rest, &y);
                 }
                 let start = std::mem::replace(&mut self.time, self.end);
-                let told = self.history.stepped.clone();
+                let told = self.told(self.history.stepped.clone(), &y)?;
                 self.sampler.stretch((start, self.end, 2), |_| y.clone(), |_, _| told.clone());
             }
         }
@@ -149,7 +150,7 @@ impl<A: Space> Run<'_, '_, A> {
         self.motion.active.stepping = true;
         self.motion.active.lasting.retain(|own| !own.is_rigid());
         let before = self.y.clone();
-        self.note(EventKind::Steps { reason }, &before, Vec::new());
+        self.note(EventKind::Steps { reason }, &before);
         Ok(())
     }
 
@@ -235,7 +236,7 @@ impl<A: Space> Run<'_, '_, A> {
                 done => done?,
             }
         } else if closed.is_empty() {
-            self.note(EventKind::Mode { mode: ContactMode::Free }, &before, Vec::new());
+            self.note(EventKind::Mode { mode: ContactMode::Free }, &before);
         } else {
             self.note_changes(&[], &before);
             self.rest()?;
@@ -301,7 +302,7 @@ impl<A: Space> Run<'_, '_, A> {
         self.motion.active.dry.iter_mut().for_each(|joint| joint.state = Dry::Holds);
         let mut there = self.y.clone();
         there[..nq].copy_from_slice(&middle);
-        let mut told = self.press_in_step(middle_time, &there)?;
+        let mut contacts = self.press_in_step(middle_time, &there)?;
         let Loads { tau, bends, .. } = self.motion.loads(middle_time, &there)?;
         let dry = self.motion.active.dry.clone();
         let (stiffness, damping) = self.motion.regulation();
@@ -383,12 +384,14 @@ impl<A: Space> Run<'_, '_, A> {
                 flags |= Flags::ENERGY_GAIN;
                 self.history.statistics.energy_gained += work;
             }
-            told.extend(contact_states(&table, outcome.impulse.as_slice(), step, flags));
+            contacts.extend(contact_states(&table, outcome.impulse.as_slice(), step, flags));
         }
         // Drive and resistance work at the mean velocity, as the impulses do.
         let mean = qd.iter().zip(&next).map(|(before, after)| 0.5 * (before + after));
         there[nq..nq + nv].iter_mut().zip(mean).for_each(|(v, mean)| *v = mean);
         let power = self.motion.loads(middle_time, &there)?.power;
+        let asked = self.sampler.sampling.loads;
+        let motors = if asked { self.motion.motor_forces(middle_time, &there)? } else { Vec::new() };
         let moved = sim.chain.integrate(&middle, next.as_slice(), step / 2.0)?;
         self.y[..nq].copy_from_slice(&moved);
         self.y[nq..nq + nv].copy_from_slice(next.as_slice());
@@ -408,6 +411,7 @@ impl<A: Space> Run<'_, '_, A> {
         }
         let scale = &self.motion.scale;
         let still = scale.fastest(next.iter()) < 0.1 * EQUAL * scale.length * scale.pace;
+        let told = Told { contacts, motors };
         Ok(TimeStep { start, end: self.time, before: (q, qd), middle, after: self.y.clone(), told, open, still })
     }
 
@@ -430,7 +434,7 @@ impl<A: Space> Run<'_, '_, A> {
             state
         };
         self.sampler.stretch((start, end, 2), at, |_, _| told.clone());
-        self.history.stepped = told;
+        self.history.stepped = told.contacts;
     }
 
     /// Corrects overlaps above `allowed` (m) by the smallest displacement in the kinetic metric: with the gaps g + allowed,

@@ -72,10 +72,10 @@ fn store(
     run: impl FnOnce(Sampling, &mut dyn FnMut(Seen)) -> Result<Summary, SimError>,
 ) -> Result<Trajectory, SimError> {
     let (mut events, mut segments) = (Vec::new(), Vec::new());
-    let summary = run(Sampling { every: None, dense: true }, &mut |seen| match seen {
+    let summary = run(Sampling { dense: true, ..Sampling::default() }, &mut |seen| match seen {
         Seen::Event(event) => events.push(event.clone()),
         Seen::Segment(segment) => segments.push(segment.clone()),
-        Seen::Moment(_) | Seen::Contacts(..) => {}
+        Seen::Moment(_) | Seen::Contacts(..) | Seen::Motors(..) => {}
     })?;
     Ok(Trajectory { events, segments, summary })
 }

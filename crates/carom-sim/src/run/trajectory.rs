@@ -2,7 +2,7 @@
 //! solver statistics and the energy balance.
 
 use crate::contact::ContactMode;
-use crate::impact::ChainImpact;
+use crate::impact::{ChainImpact, ImpactLoads};
 use crate::motion::{ContactState, NonUnique};
 use crate::state::{CLEAR, ContactImpulse, Moment};
 use carom_chain::Chain;
@@ -165,6 +165,23 @@ pub struct Event {
     pub qd_plus: Vec<f64>,
     /// The contact impulses; empty for joint limits and for events without impulses.
     pub impulses: Vec<ContactImpulse>,
+    /// The loads on the joints, with [`Sampling::loads`], of the kinds impact, several, latch and limit.
+    pub loads: Option<Box<EventLoads>>,
+}
+
+/// The loads on the joints at an impact of a run.
+///
+/// The impulse through a joint whose limit is hit has that of the stop along its axis. Of a chain that moves in a plane, one of corners that
+/// differ across the plane carries the impulse of all.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EventLoads {
+    /// The impulses; those through the joints are empty for a mechanism with loops, where they are not determined.
+    #[serde(flatten)]
+    pub impact: ImpactLoads,
+    /// The forces of the motors just before, after their limits, length nv; N m, N.
+    pub motors_minus: Vec<f64>,
+    /// The forces of the motors just after.
+    pub motors_plus: Vec<f64>,
 }
 
 /// The motion between two times as dense output: q and qd at Chebyshev points. Interpolation between them gives the
@@ -216,6 +233,8 @@ pub enum Seen<'a> {
     Event(&'a Event),
     /// The lasting contacts at the time of the moment before; not reported where there are none.
     Contacts(f64, &'a [ContactState]),
+    /// The forces of the motors, after their limits, at the time of the moment before: length nv; N m, N. With [`Sampling::loads`].
+    Motors(f64, &'a [f64]),
     /// The motion since the last segment or event.
     Segment(&'a Segment),
 }
@@ -227,6 +246,8 @@ pub struct Sampling {
     pub every: Option<f64>,
     /// Whether to output segments.
     pub dense: bool,
+    /// Whether to compute the forces of the motors at each moment, and the loads on the joints at each impact.
+    pub loads: bool,
 }
 
 /// The reason for the end of a simulation.

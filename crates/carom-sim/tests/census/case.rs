@@ -167,7 +167,7 @@ impl Answer {
         let mut seen_so_far = 0_usize;
         let (mut open, mut summed) = (None::<(f64, f64)>, false);
         let (mut lost, mut range, mut most) = ([0.0, 0.0], [f64::INFINITY, f64::NEG_INFINITY], 0.0_f64);
-        let sampling = Sampling { every, dense: true };
+        let sampling = Sampling { every, dense: true, ..Sampling::default() };
         let summary = plan.stream(scene.duration, sampling, &mut |seen| {
             seen_so_far += 1;
             // Asking for the time costs as much as a step.
@@ -214,7 +214,7 @@ impl Answer {
                     let (q, qd) = last.split_at(own.nq());
                     (q.to_vec(), qd.to_vec())
                 }
-                Seen::Contacts(..) => return,
+                Seen::Contacts(..) | Seen::Motors(..) => return,
             };
             let kinetic = own.kinetic(&q, &qd);
             let now = kinetic + own.potential(&q);

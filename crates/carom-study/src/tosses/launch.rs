@@ -110,7 +110,7 @@ impl Launch {
         let end = flight.times[count - 1] - flight.times[0];
         let simulation =
             Simulation { gravity: GRAVITY, tolerance: REFIT, ..Simulation::new(chain.clone(), Vec::new()) };
-        let sampling = Sampling { every: Some(end / (count - 1) as f64), dense: false };
+        let sampling = Sampling { every: Some(end / (count - 1) as f64), ..Sampling::default() };
         let flown = |q: &[f64], qd: &[f64]| {
             let mut poses = Vec::new();
             let mut keep = |seen: Seen<'_>| {

@@ -20,9 +20,11 @@ use std::path::{Path, PathBuf};
 
 mod errors;
 mod launch;
+mod report;
 mod roll_out;
 
 pub use launch::{Fitted, Launch, Start};
+pub use report::{TossErrors, TossMeasure, TossReport, TossSpread};
 pub use roll_out::{Horizon, PoseError, RollOut, RollOutOptions};
 
 /// Tosses of one robot.

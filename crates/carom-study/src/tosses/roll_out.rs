@@ -198,7 +198,7 @@ impl Launch {
         let end = measured[measured.len() - 1].time - measured[0].time;
         let every = end / (measured.len() - 1).max(1) as f64;
         let mut rolled: Vec<Moment> = Vec::new();
-        let sampling = Sampling { every: Some(every), dense: false };
+        let sampling = Sampling { every: Some(every), ..Sampling::default() };
         let summary = simulation.stream(&self.q, &self.qd, end, sampling, &mut |seen| {
             if let Seen::Moment(moment) = seen {
                 rolled.push(moment.clone());

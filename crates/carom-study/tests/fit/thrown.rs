@@ -52,7 +52,7 @@ pub fn rolled(
     let touches = carom_sim::Touch::all(chain, &[floor], 0.0).unwrap().touches;
     let simulation = carom_sim::Simulation { gravity: GRAVITY, ..carom_sim::Simulation::new(chain.clone(), touches) };
     let mut samples: Vec<Moment> = Vec::new();
-    let sampling = carom_sim::Sampling { every: Some(every), dense: false };
+    let sampling = carom_sim::Sampling { every: Some(every), ..Default::default() };
     let mut keep = |seen: carom_sim::Seen| {
         if let carom_sim::Seen::Moment(moment) = seen {
             samples.push(moment.clone());

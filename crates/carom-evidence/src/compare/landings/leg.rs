@@ -281,7 +281,7 @@ impl Landing {
                 rates.push(self.joints.map(|v| moment.qd[v]));
             }
         };
-        let sampling = Sampling { every: Some(SAMPLE), dense: false };
+        let sampling = Sampling { every: Some(SAMPLE), ..Sampling::default() };
         let summary = simulation.stream(&self.q, &self.qd, END as f64 * SAMPLE, sampling, &mut keep).ok()?;
         // by rounding, the last sample may lie beyond the end
         rates.truncate(END);
