@@ -21,6 +21,8 @@ TYPES = {
     "Py<PyAny>": "_Floats", "RunEvent": "Event",
 }
 CLASSES = {"RunEvent": "Event", "FitResult": "Fit", "KnownLaw": "Law"}
+# The docstring of a class, if it has one.
+DOC = r'(?:    """(?:(?!""").)*"""\n)?'
 NO_CALL = "    def __new__(cls, _: Never, /) -> Self: ...\n"
 
 
@@ -46,7 +48,7 @@ def getters():
 def with_properties(text):
     """The stub with the getters."""
     for owner, name, kind in getters():
-        head, body, rest = re.fullmatch(rf"(.*?^class {owner}\b[^\n]*:\n)(.*?)(^\S.*)", text, flags=re.DOTALL | re.MULTILINE).groups()
+        head, body, rest = re.fullmatch(rf'(.*?^class {owner}\b[^\n]*:\n{DOC})(.*?)(^\S.*)', text, flags=re.DOTALL | re.MULTILINE).groups()
         line = f"    def {name}(self) -> {kind}:"
         body, found = re.subn(rf"^    def {name}\(self\) -> [^\n]*?:(?=\n| \.\.\.$)", lambda _: line, body, flags=re.MULTILINE)
         text = head + (body if found else f"    @property\n{line} ...\n{body}") + rest
@@ -65,7 +67,8 @@ def without_calls(text):
         except TypeError as error:
             refused = "cannot create" in str(error)
         if refused and f"\n{NO_CALL}" not in re.search(rf"^class {name}:.*?(?=^\S|\Z)", text, flags=re.DOTALL | re.MULTILINE)[0]:
-            text = re.sub(rf"^class {name}:( \.\.\.)?\n", f"class {name}:\n{NO_CALL}", text, flags=re.MULTILINE)
+            put = lambda found: f"class {name}:\n{found[2] or ''}{NO_CALL}"
+            text = re.sub(rf"^class {name}:( \.\.\.)?\n({DOC})", put, text, flags=re.MULTILINE | re.DOTALL)
     return text
 
 

@@ -10,6 +10,7 @@ use carom_chain::{ChainError, Coordinates, FrameId, Spatial, Workspace, input};
 use pyo3::exceptions::{PyImportError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
@@ -57,9 +58,11 @@ pub struct Urdf {
     repair: bool,
     strict: bool,
     package_dirs: Vec<PathBuf>,
+    rotor_inertia: BTreeMap<String, f64>,
+    mass: BTreeMap<String, f64>,
 }
 
-fields! { Urdf { text, folder, floating, meshes, repair, strict, package_dirs } }
+fields! { Urdf { text, folder, floating, meshes, repair, strict, package_dirs, rotor_inertia, mass } }
 
 impl Urdf {
     /// The chain of the text.
@@ -69,7 +72,7 @@ impl Urdf {
     pub fn chain(&self) -> PyResult<carom_chain::Chain> {
         let options = self.options();
         let robot = read_str(&self.text, self.folder.as_deref(), &options).map_err(raise)?;
-        Ok(carom_chain::Chain::from_robot(robot, &options))
+        carom_chain::Chain::from_robot(robot, &options).with_rotors(&options).map_err(raise)
     }
 
     fn options(&self) -> LoadOptions {
@@ -79,6 +82,8 @@ impl Urdf {
             strict: self.strict,
             repair: self.repair,
             package_dirs: self.package_dirs.clone(),
+            rotor_inertia: self.rotor_inertia.clone(),
+            mass: self.mass.clone(),
             ..LoadOptions::default()
         }
     }
@@ -218,11 +223,15 @@ impl Chain {
     ///     repair: changes the robot as little as needed to compute its dynamics; `repairs` lists the changes.
     ///     strict: raises an error for what is otherwise a warning.
     ///     package_dirs: folders in which packages (package://NAME/…) are searched for first.
+    ///     rotor_inertia: inertias of motors' rotors reflected to their joints, N² I for the gear ratio N: a dict by joint, kg m² or
+    ///         kg. They replace those of the file.
+    ///     mass: masses of links instead of those of the file: a dict by link, kg. Rotational inertias change in proportion.
     ///
     /// Raises:
     ///     UrdfError: the file cannot be read or breaks a rule; the message names line, element, value and rule.
     #[staticmethod]
-    #[pyo3(signature = (source, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new()))]
+    #[pyo3(signature = (source, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new(), rotor_inertia=BTreeMap::new(), mass=BTreeMap::new()))]
+    #[allow(clippy::too_many_arguments)]
     fn from_urdf(
         py: Python<'_>,
         source: Given,
@@ -231,10 +240,13 @@ impl Chain {
         repair: bool,
         strict: bool,
         package_dirs: Vec<PathBuf>,
+        rotor_inertia: BTreeMap<String, f64>,
+        mass: BTreeMap<String, f64>,
     ) -> PyResult<Self> {
         let absolute = |path: PathBuf| std::path::absolute(&path).unwrap_or(path);
         let package_dirs = package_dirs.into_iter().map(absolute).collect();
-        let mut urdf = Urdf { text: String::new(), folder: None, floating, meshes, repair, strict, package_dirs };
+        let (text, folder) = (String::new(), None);
+        let mut urdf = Urdf { text, folder, floating, meshes, repair, strict, package_dirs, rotor_inertia, mass };
         let options = urdf.options();
         let text = source
             .extract::<String>()
@@ -263,7 +275,8 @@ impl Chain {
     /// Raises:
     ///     ImportError: the package is not installed, or has no robot of this name, or cannot download it.
     #[staticmethod]
-    #[pyo3(signature = (name, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new()))]
+    #[pyo3(signature = (name, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new(), rotor_inertia=BTreeMap::new(), mass=BTreeMap::new()))]
+    #[allow(clippy::too_many_arguments)]
     fn from_robot_description(
         py: Python<'_>,
         name: &str,
@@ -272,6 +285,8 @@ impl Chain {
         repair: bool,
         strict: bool,
         mut package_dirs: Vec<PathBuf>,
+        rotor_inertia: BTreeMap<String, f64>,
+        mass: BTreeMap<String, f64>,
     ) -> PyResult<Self> {
         let refuse = |why: &str| PyImportError::new_err(format!("robot_descriptions.{name}: {why}"));
         py.import("robot_descriptions").map_err(|_| {
@@ -287,7 +302,7 @@ impl Chain {
         if let Ok(package) = module.getattr("PACKAGE_PATH").and_then(|path| path.extract()) {
             package_dirs.push(package);
         }
-        Self::from_urdf(py, &path, floating, meshes, repair, strict, package_dirs)
+        Self::from_urdf(py, &path, floating, meshes, repair, strict, package_dirs, rotor_inertia, mass)
     }
 
     /// A chain of equal uniform rods on hinges about z, straight along x at q = 0, with the frame "tip" at its end.

@@ -1,11 +1,11 @@
 //! Methods of `Chain`: kinematics and dynamics of a state or of a batch.
 
-use crate::array::{Array, Given, Maybe, Target, array, together, vector};
+use crate::array::{Array, Given, Maybe, Target, array, list, together, vector};
 use crate::batch::each_row;
 use crate::chain::Chain;
 use crate::error::raise;
 use carom_chain::{ChainError, FramePoint, Kinematics, Point, Spatial, ToolMotion, Workspace};
-use carom_sim::JointImpulse;
+use carom_sim::{ImpactLoads, JointImpulse};
 use nalgebra::{DMatrix, Vector3};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -64,6 +64,18 @@ pub fn free_fall(gravity: Maybe) -> PyResult<Vector3<f64>> {
 fn by_rows(matrix: &DMatrix<f64>, out: &mut [f64]) {
     let columns = matrix.ncols();
     out.iter_mut().enumerate().for_each(|(k, x)| *x = matrix[(k / columns, k % columns)]);
+}
+
+/// The loads of an impact as a dict.
+pub fn loads_dict<'py>(py: Python<'py>, loads: &ImpactLoads) -> PyResult<Bound<'py, PyDict>> {
+    let bearings = PyDict::new(py);
+    for JointImpulse { joint, force, moment } in &loads.through {
+        bearings.set_item(
+            joint,
+            dict! { py, "force": list(py, force.as_slice())?, "moment": list(py, moment.as_slice())? },
+        )?;
+    }
+    Ok(dict! { py, "joint_impulse": list(py, &loads.joint_impulse)?, "bearings": bearings })
 }
 
 #[pymethods]
@@ -212,17 +224,7 @@ impl Chain {
         }
         let (q, change) = (q.plain(), change.plain());
         let loads = carom_sim::impact_loads(&self.chain, q.row(0), change.row(0), &[(at, impulse)]).map_err(raise)?;
-        let bearings = PyDict::new(py);
-        for JointImpulse { joint, force, moment } in loads.through {
-            let own = PyDict::new(py);
-            own.set_item("force", array(py, force.as_slice().to_vec(), &[3])?)?;
-            own.set_item("moment", array(py, moment.as_slice().to_vec(), &[3])?)?;
-            bearings.set_item(joint, own)?;
-        }
-        let all = PyDict::new(py);
-        all.set_item("joint_impulse", array(py, loads.joint_impulse, &[self.chain.nv()])?)?;
-        all.set_item("bearings", bearings)?;
-        Ok(all)
+        loads_dict(py, &loads)
     }
 
     /// Bias force C q̇ + g, shape (nv,) or (B, nv), N m and N.

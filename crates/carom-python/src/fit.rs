@@ -1,6 +1,6 @@
 //! Fits of coefficients to measured impacts.
 
-use crate::array::{Array, Given, Maybe, Numbers, array, shown, vector};
+use crate::array::{Array, Numbers, array, shown, vector};
 use crate::chain::Chain;
 use crate::dynamics::offset;
 use crate::error::{Raise, exceptions, raise};
@@ -17,6 +17,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// The result of a fit.
@@ -137,53 +138,62 @@ fn of_numbers<const D: usize>(given: [&Numbers; 3], of: Make<D>) -> PyResult<Vec
     (0..before.len() / D).map(one).collect()
 }
 
-/// Fits to velocities at the contact: see `carom.fit`.
-#[pyfunction]
-pub fn fit_contacts(
-    py: Python<'_>,
-    delassus: Given,
-    u_minus: Given,
-    u_plus: Given,
-    options: &Bound<'_, PyDict>,
-) -> PyResult<FitResult> {
-    let options: Options = options.extract()?;
-    let h = Numbers::read("delassus", delassus)?;
-    let (before, after) = (Numbers::read("u_minus", u_minus)?, Numbers::read("u_plus", u_plus)?);
+/// Impacts by velocities at the contact.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct AtContact<'py> {
+    delassus: Array<'py>,
+    u_minus: Array<'py>,
+    u_plus: Array<'py>,
+}
+
+/// Impacts by velocities of the joints of a robot.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct AtJoints<'py> {
+    chain: Bound<'py, Chain>,
+    q: Array<'py>,
+    qd_minus: Array<'py>,
+    qd_plus: Array<'py>,
+    frame: String,
+    point: Option<Array<'py>>,
+    normal: Array<'py>,
+}
+
+/// Measured impacts, and the robot that they were measured at.
+pub type Measured = (Vec<MeasuredImpact>, Option<Arc<carom_chain::Chain>>);
+
+/// The impacts of a dict of [`AtContact`] or, with a chain, of [`AtJoints`].
+///
+/// # Errors
+/// `StateError` for wrong shapes and numbers, `FitError` for impacts that are none.
+pub fn measured(data: &Bound<'_, PyDict>) -> PyResult<Measured> {
+    if data.contains("chain")? { at_joints(&data.extract()?) } else { Ok((at_contact(&data.extract()?)?, None)) }
+}
+
+fn at_contact(data: &AtContact) -> PyResult<Vec<MeasuredImpact>> {
+    let h = Numbers::read("delassus", &data.delassus)?;
+    let (before, after) = (Numbers::read("u_minus", &data.u_minus)?, Numbers::read("u_plus", &data.u_plus)?);
     let given = [&h, &before, &after];
-    let impacts = match (h.shape(), before.shape(), after.shape()) {
-        ([n, 2, 2], [a, 2], [b, 2]) if n == a && n == b => of_numbers(given, MeasuredImpact::in_plane)?,
-        ([n, 3, 3], [a, 3], [b, 3]) if n == a && n == b => of_numbers(given, MeasuredImpact::in_space)?,
+    match (h.shape(), before.shape(), after.shape()) {
+        ([n, 2, 2], [a, 2], [b, 2]) if n == a && n == b => of_numbers(given, MeasuredImpact::in_plane),
+        ([n, 3, 3], [a, 3], [b, 3]) if n == a && n == b => of_numbers(given, MeasuredImpact::in_space),
         shapes => {
             let (h, before, after) = (shown(shapes.0), shown(shapes.1), shown(shapes.2));
             let message = format!(
                 "delassus, u_minus and u_plus have the shapes {h}, {before} and {after}: (N, D, D), (N, D) and (N, D) with D = 2 or 3 \
                  are needed"
             );
-            return Err(exceptions::StateError::new_err(message));
+            Err(exceptions::StateError::new_err(message))
         }
-    };
-    fitted(py, options, move |options, stop| fit_velocities(&impacts, None, options, &|_, _| halt(stop)))
+    }
 }
 
-/// Fits to joint velocities of a robot: see `carom.fit`.
-#[pyfunction]
-#[allow(clippy::too_many_arguments)]
-pub fn fit_joints(
-    py: Python<'_>,
-    chain: &Bound<'_, Chain>,
-    q: Given,
-    qd_minus: Given,
-    qd_plus: Given,
-    frame: &str,
-    point: Maybe,
-    normal: Given,
-    options: &Bound<'_, PyDict>,
-) -> PyResult<FitResult> {
-    let options: Options = options.extract()?;
-    let own = chain.get();
-    let (q, before, after) = (own.q(q)?, own.v("qd_minus", qd_minus)?, own.v("qd_plus", qd_plus)?);
-    let point = FramePoint::new(own.frame(frame)?, offset(point)?);
-    let normal = vector("normal", normal)?.into();
+fn at_joints(data: &AtJoints) -> PyResult<Measured> {
+    let own = data.chain.get();
+    let (q, before, after) = (own.q(&data.q)?, own.v("qd_minus", &data.qd_minus)?, own.v("qd_plus", &data.qd_plus)?);
+    let point = FramePoint::new(own.frame(&data.frame)?, offset(data.point.as_ref())?);
+    let normal = vector("normal", &data.normal)?.into();
     let count = crate::array::together([("q", &q), ("qd_minus", &before), ("qd_plus", &after)])?;
     let Some(count) = count else {
         return Err(PyTypeError::new_err(
@@ -193,16 +203,37 @@ pub fn fit_joints(
     let (q, before, after) = (q.plain(), before.plain(), after.plain());
     let one = |k: usize| {
         let (q, qd_minus, qd_plus) = (q.row(k).to_vec(), before.row(k).to_vec(), after.row(k).to_vec());
-        let measured = ChainJump { q, qd_minus, qd_plus, point, normal };
-        let found = MeasuredImpact::of_chain(&own.chain, &measured);
-        found.map_err(|e| Raise::raise(&e, &format!("impact {k}: ")))
+        let jump = ChainJump { q, qd_minus, qd_plus, point, normal };
+        MeasuredImpact::of_chain(&own.chain, &jump).map_err(|e| Raise::raise(&e, &format!("impact {k}: ")))
     };
-    let impacts: Vec<MeasuredImpact> = (0..count).map(one).collect::<PyResult<_>>()?;
-    let chain = own.chain.clone();
-    let work = move |options: &FitOptions, stop: &AtomicBool| {
-        fit_velocities(&impacts, Some(&chain), options, &|_, _| halt(stop))
-    };
-    fitted(py, options, work)
+    Ok(((0..count).map(one).collect::<PyResult<_>>()?, Some(own.chain.clone())))
+}
+
+/// Fits to single impacts: see `carom.fit`.
+#[pyfunction]
+pub fn fit_impacts(py: Python<'_>, data: &Bound<'_, PyDict>, options: &Bound<'_, PyDict>) -> PyResult<FitResult> {
+    let (options, (impacts, chain)): (Options, _) = (options.extract()?, measured(data)?);
+    fitted(py, options, move |options, stop| fit_velocities(&impacts, chain.as_deref(), options, &|_, _| halt(stop)))
+}
+
+/// # Errors
+/// `FitError` for another word.
+pub fn start_of(word: &str) -> PyResult<Start> {
+    match word {
+        "fitted" => Ok(Start::Fitted),
+        "given" => Ok(Start::Given),
+        other => Err(exceptions::FitError::new_err(format!("start is '{other}': it must be 'fitted' or 'given'"))),
+    }
+}
+
+/// # Errors
+/// `FitError` for another word of the argument `what`.
+pub fn horizon_of(what: &str, word: &str) -> PyResult<Horizon> {
+    match word {
+        "whole" => Ok(Horizon::Whole),
+        "early" => Ok(Horizon::Early),
+        other => Err(exceptions::FitError::new_err(format!("{what} is '{other}': it must be 'whole' or 'early'"))),
+    }
 }
 
 /// Fits to tosses: see `carom.fit`.
@@ -220,19 +251,7 @@ pub fn fit_tosses(
     options: &Bound<'_, PyDict>,
 ) -> PyResult<FitResult> {
     let options: Options = options.extract()?;
-    let refuse = |what: &str, given: &str, known: &str| {
-        Err(exceptions::FitError::new_err(format!("{what} is '{given}': it must be {known}")))
-    };
-    let start = match start {
-        "fitted" => Start::Fitted,
-        "given" => Start::Given,
-        other => return refuse("start", other, "'fitted' or 'given'"),
-    };
-    let horizon = match horizon {
-        "whole" => Horizon::Whole,
-        "early" => Horizon::Early,
-        other => return refuse("horizon", other, "'whole' or 'early'"),
-    };
+    let (start, horizon) = (start_of(start)?, horizon_of("horizon", horizon)?);
     let roll = RollOutOptions { tolerance, contact_step, length, start, horizon, ..RollOutOptions::default() };
     let tosses = py.detach(|| Tosses::read(&folder, robot, &LoadOptions::default())).map_err(raise)?;
     fitted(py, options, move |options, stop| fit_trajectories(&tosses, options, &roll, &|_, _| halt(stop)))

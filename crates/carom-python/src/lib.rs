@@ -3,7 +3,7 @@
 //! Order of the modules: `error` and `array` (errors and numbers of Python), `threads` and `batch` (loops over states), `callable`
 //! (functions of Python), `pickle`, `chain`, `order` and `dynamics` (the class `Chain`), `laws` and `outcome` (laws on plain numbers), `impact` and
 //! `impacts`, `points` (one impact, a batch of impacts, several points), `diagram`, `table`, `controller`, `scene`, `run`, `sensitivity`,
-//! `session` and `simulate` (simulations), `study` and `fit`; `notebook` (tables and plots); `pickled` (the classes that are pickled). Nothing
+//! `session` and `simulate` (simulations), `study` and `fit`, `evidence`; `notebook` (tables and plots); `pickled` (the classes that are pickled). Nothing
 //! is computed here: every method converts its arguments, calls the crates and
 //! converts the result.
 
@@ -42,6 +42,7 @@ mod controller;
 mod diagram;
 mod dynamics;
 mod error;
+mod evidence;
 mod fit;
 mod impact;
 mod impacts;
@@ -73,7 +74,9 @@ mod _carom {
     #[pymodule_export]
     use crate::diagram::diagram;
     #[pymodule_export]
-    use crate::fit::{FitResult, fit_contacts, fit_joints, fit_tosses};
+    use crate::evidence::{chart, compare_laws, tosses};
+    #[pymodule_export]
+    use crate::fit::{FitResult, fit_impacts, fit_tosses};
     #[pymodule_export]
     use crate::impact::Impact;
     #[pymodule_export]

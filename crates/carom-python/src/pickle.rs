@@ -6,8 +6,9 @@
 use crate::array::Array;
 use carom_impact::{Account, ImpactOutcome, Mode, Phase};
 use carom_sim::{
-    Broken, ChainImpact, ContactImpulse, ContactMode, ContactState, EnergyBooks, Event, EventKind, EventTime,
-    ImpactBand, Moment, NonUnique, Saltation, Sensitivity, SeveralImpact, Statistics, StepReason, StopReason, Summary,
+    Broken, ChainImpact, ContactImpulse, ContactMode, ContactState, EnergyBooks, Event, EventKind, EventLoads,
+    EventTime, ImpactBand, ImpactLoads, JointImpulse, Moment, NonUnique, Saltation, Sensitivity, SeveralImpact,
+    Statistics, StepReason, StopReason, Summary,
 };
 use carom_study::Column;
 use carom_study::fit::{Coefficient, Fit, FittedTo, Interval, Loss, Misfit, Score};
@@ -15,7 +16,7 @@ use nalgebra::{DMatrix, DVector, SVector};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString, PyTuple};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -142,7 +143,7 @@ macro_rules! plain {
         }
     )* };
 }
-plain! { f64 usize u64 i64 bool String PathBuf }
+plain! { f64 usize u64 i64 bool String PathBuf BTreeMap<String, f64> }
 
 impl Pickled for &'static str {
     fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
@@ -319,7 +320,10 @@ fields! {
     Moment { time, q, qd }
     ContactImpulse { touch, point, impulse }
     ContactState { touch, mode, point, normal, gap, force, normal_force, flags }
-    Event { time, kind, q, qd_minus, qd_plus, impulses }
+    Event { time, kind, q, qd_minus, qd_plus, impulses, loads }
+    EventLoads { impact, motors_minus, motors_plus }
+    ImpactLoads { joint_impulse, through }
+    JointImpulse { joint, force, moment }
     EnergyBooks { start, end, drive, resistance, impacts }
     Statistics {
         steps, rejections, evaluations, refinements, contact_steps, step_error, worst_residual, energy_gained,

@@ -2,15 +2,23 @@
 
 use crate::array::{Array, Maybe, array, list};
 use crate::chain::{Chain, Origin};
+use crate::dynamics::loads_dict;
 use crate::error::{exceptions, raise};
 use crate::impact::Impact;
 use crate::notebook;
 use crate::pickle::{Parts, Pickled, fields, tuple, variants};
 use crate::scene::{Planned, Scene};
 use crate::table::Table;
-use carom_sim::{ContactState, Event, EventKind, Moment, NamedEvent, Plan, Seen, Simulation, Summary};
-use carom_study::{Column, SCENE_KEY, contact_columns, contact_row, coordinate_columns, state_columns};
+use carom_sim::{
+    ContactState, Event, EventKind, EventLoads, EventTime, Moment, NamedEvent, Plan, Seen, Simulation, Summary,
+};
+use carom_study::{
+    Column, SCENE_KEY, contact_columns, contact_row, coordinate_columns, load_columns, load_rows, motor_columns,
+    state_columns,
+};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use pythonize::pythonize;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -21,9 +29,10 @@ pub enum Told {
     Moment(Moment),
     Event(Event),
     Contacts(f64, Vec<ContactState>),
+    Motors(f64, Vec<f64>),
 }
 
-variants! { Told { Moment(moment), Event(event), Contacts(time, states) } }
+variants! { Told { Moment(moment), Event(event), Contacts(time, states), Motors(time, forces) } }
 
 impl Told {
     pub fn of(seen: &Seen) -> Option<Self> {
@@ -31,6 +40,7 @@ impl Told {
             Seen::Moment(moment) => Some(Self::Moment((*moment).clone())),
             Seen::Event(event) => Some(Self::Event((*event).clone())),
             Seen::Contacts(time, states) => Some(Self::Contacts(*time, states.to_vec())),
+            Seen::Motors(time, forces) => Some(Self::Motors(*time, forces.to_vec())),
             Seen::Segment(_) => None,
         }
     }
@@ -45,11 +55,31 @@ pub struct Run {
     plan: Plan,
     told: Vec<Told>,
     summary: Summary,
+    /// Whether it has loads.
+    loads: bool,
 }
 
 impl Run {
-    pub fn new(scene: Scene, plan: Plan, told: Vec<Told>, summary: Summary) -> Self {
-        Self { scene, plan, told, summary }
+    pub fn new(scene: Scene, plan: Plan, told: Vec<Told>, summary: Summary, loads: bool) -> Self {
+        Self { scene, plan, told, summary, loads }
+    }
+
+    /// The forces of the motors at the moments.
+    fn forces(&self) -> impl Iterator<Item = &[f64]> {
+        self.told.iter().filter_map(|told| if let Told::Motors(_, forces) = told { Some(&forces[..]) } else { None })
+    }
+
+    /// # Errors
+    /// `ValueError`: loads were not asked for.
+    fn loaded(&self) -> PyResult<&Self> {
+        let none = "this run has no loads: compute them with scene.simulate(loads=True)";
+        if self.loads { Ok(self) } else { Err(PyValueError::new_err(none)) }
+    }
+
+    /// What to know of the results.
+    pub fn all_warnings(&self) -> Vec<String> {
+        let missing = if self.loads { self.summary.missing_loads(&self.plan.simulation) } else { Vec::new() };
+        self.summary.warnings().into_iter().chain(missing).collect()
     }
 
     fn moments(&self) -> impl Iterator<Item = &Moment> {
@@ -69,14 +99,14 @@ impl Run {
 /// By its scene, which is planned again, and by what it has reported.
 impl Pickled for Run {
     fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        tuple(py, [self.scene.write(py)?, self.told.write(py)?, self.summary.write(py)?])
+        tuple(py, [self.scene.write(py)?, self.told.write(py)?, self.summary.write(py)?, self.loads.write(py)?])
     }
 
     fn read(from: &Bound<'_, PyAny>) -> PyResult<Self> {
         let mut parts = Parts::of(from)?;
         let scene: Scene = parts.next()?;
         let plan = scene.scene.plan().map_err(raise)?;
-        Ok(Self::new(scene, plan, parts.next()?, parts.next()?))
+        Ok(Self::new(scene, plan, parts.next()?, parts.next()?, parts.next()?))
     }
 }
 
@@ -100,15 +130,20 @@ getters! { Run, self, py {
     q: Array<'py> = self.rows(py, self.plan.simulation.chain.nq(), |moment| &moment.q)?;
     /// Joint velocities at the samples, shape (S, nv); rad/s, m/s.
     qd: Array<'py> = self.rows(py, self.plan.simulation.chain.nv(), |moment| &moment.qd)?;
+    /// Forces of the motors at the samples, after their limits, shape (S, nv); N m, N. Needs `simulate(loads=True)`.
+    motors: Array<'py> = {
+        let forces: Vec<f64> = self.loaded()?.forces().flatten().copied().collect();
+        array(py, forces, &[self.moments().count(), self.plan.simulation.chain.nv()])?
+    };
     /// The events in the order of time, a list of Event.
     events: Vec<RunEvent> = self.all_events().map(|event| RunEvent::of(&self.plan.simulation, event.clone())).collect();
     /// Why the run has ended: "duration" or "events".
     stop_reason: &'static str, "Literal['duration', 'events']" = self.summary.stop.name();
     /// Contact mode at the end.
     mode: &'static str = self.summary.mode.name();
-    /// What to know of the results: an energy balance that does not close, impulses that do not satisfy their law. They are raised as
+    /// What to know of the results: an energy balance that does not close, impulses that do not satisfy their law, missing loads. They are raised as
     /// Python warnings, too.
-    warnings: Vec<String> = self.summary.warnings();
+    warnings: Vec<String> = self.all_warnings();
     /// Energy balance, a dict in J: end = start + drive + resistance - lost_in_impacts + error.
     energy: Bound<'py, PyAny>, "dict[str, float]" = pythonize(py, &self.summary.energy)?;
     /// Work of the solvers, a dict of numbers. `carom simulate --help` says what each means.
@@ -117,15 +152,33 @@ getters! { Run, self, py {
 
 #[pymethods]
 impl Run {
-    /// The samples as a Table: time, then q.<joint> and qd.<joint>; joints with several coordinates have numbered columns.
+    /// The samples as a Table: time, then q.<joint>, qd.<joint> and with loads motor.<joint>; joints with several coordinates have
+    /// numbered columns.
     #[getter]
     fn states(&self) -> Table {
-        let mut table =
-            Table::new(state_columns(&self.plan.simulation.chain)).with_text(SCENE_KEY, &self.scene.scene.text);
+        let chain = &self.plan.simulation.chain;
+        let mut columns = state_columns(chain);
+        if self.loads {
+            columns.extend(motor_columns(chain));
+        }
+        let mut table = Table::new(columns).with_text(SCENE_KEY, &self.scene.scene.text);
+        let mut forces = self.forces();
         for Moment { time, q, qd } in self.moments() {
-            table.push([*time].iter().chain(q).chain(qd).copied());
+            table.push([*time].iter().chain(q).chain(qd).chain(forces.next().unwrap_or_default()).copied());
         }
         table
+    }
+
+    /// The loads of the impacts as a Table, a row for each joint at each impact: time (s), kind of the event, joint; the impulse of its
+    /// parent link on its child link fx, fy, fz (N s) and its moment mx, my, mz (N m s) about the origin of the child link, in the axes
+    /// of the child link; of joints with one coordinate joint_impulse (Jᵀp; N m s, N s), motor_minus and motor_plus (force of the motor
+    /// before and after; N m, N). Needs `simulate(loads=True)`.
+    #[getter]
+    fn loads(&self) -> PyResult<Table> {
+        let chain = &self.loaded()?.plan.simulation.chain;
+        let mut table = Table::new(load_columns(chain)).with_text(SCENE_KEY, &self.scene.scene.text);
+        self.all_events().for_each(|event| load_rows(chain, event).into_iter().for_each(|row| table.push(row)));
+        Ok(table)
     }
 
     /// The events as a Table: time (s), kind, contact, mode of an impact, the impulse of all contacts px, py, pz (N s, world
@@ -224,9 +277,11 @@ pub struct RunEvent {
     flags: Vec<&'static str>,
     /// The contact of each impulse.
     struck: Vec<String>,
+    /// The derivatives of its time.
+    time_by: Option<Vec<f64>>,
 }
 
-fields! { RunEvent { event, contact, contacts, reason, flags, struck } }
+fields! { RunEvent { event, contact, contacts, reason, flags, struck, time_by } }
 
 impl RunEvent {
     /// An event of this simulation.
@@ -235,7 +290,16 @@ impl RunEvent {
         let contact = contact.map(str::to_owned);
         let contacts = contacts.into_iter().map(str::to_owned).collect();
         let struck = impulses.iter().map(|one| one.contact.to_owned()).collect();
-        Self { contact, contacts, reason, flags, struck, event }
+        Self { contact, contacts, reason, flags, struck, event, time_by: None }
+    }
+
+    /// With the derivatives of its time that are among these, if there are any.
+    pub fn with_derivatives(self, times: &[EventTime]) -> Self {
+        let Event { time, kind, .. } = &self.event;
+        // The run that is differentiated follows slips in another way: up to rounding its times are the same.
+        let same = |it: &&EventTime| (it.time - time).abs() <= 1e-9 * time.max(1.0) && it.kinds.contains(&kind.name());
+        let time_by = times.iter().find(same).map(|it| it.time_by.clone());
+        Self { time_by, ..self }
     }
 }
 
@@ -264,6 +328,20 @@ getters! { RunEvent, self, py {
     qd_minus: Array<'py> = list(py, &self.event.qd_minus)?;
     /// Joint velocities after, shape (nv,).
     qd_plus: Array<'py> = list(py, &self.event.qd_plus)?;
+    /// Derivatives of the time by the columns `Sensitivity.names`, shape (columns,), for the events of a Sensitivity; None for events of
+    /// runs and where the derivatives have ended.
+    time_by: Option<Array<'py>>, "_Vector | None" = self.time_by.as_ref().map(|by| list(py, by)).transpose()?;
+    /// The loads on the joints, for the kinds "impact", "several", "latch" and "limit" of `simulate(loads=True)`; else None. A dict as of
+    /// `Chain.impact_loads`, with motors_minus and motors_plus, the forces of the motors before and after (nv,), N m and N.
+    loads: Option<Bound<'py, PyDict>>, "_EventLoads | None" = match self.event.loads.as_deref() {
+        Some(EventLoads { impact, motors_minus, motors_plus }) => {
+            let loads = loads_dict(py, impact)?;
+            loads.set_item("motors_minus", list(py, motors_minus)?)?;
+            loads.set_item("motors_plus", list(py, motors_plus)?)?;
+            Some(loads)
+        }
+        None => None,
+    };
 } }
 
 #[pymethods]
@@ -303,6 +381,7 @@ pub fn record(py: Python<'_>, run: &Bound<'_, Run>, path: PathBuf) -> PyResult<(
                 Told::Moment(moment) => Seen::Moment(moment),
                 Told::Event(event) => Seen::Event(event),
                 Told::Contacts(time, states) => Seen::Contacts(*time, states),
+                Told::Motors(time, forces) => Seen::Motors(*time, forces),
             });
         }
         recorder.finish(&run.summary)

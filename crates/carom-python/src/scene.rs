@@ -6,7 +6,7 @@ use crate::controller::PythonController;
 use crate::error::raise;
 use crate::laws::GivenLaw;
 use crate::pickle::{Parts, Pickled, Sources, fields, tuple};
-use crate::text::{by_keys, toml_text};
+use crate::text::{by_keys, changed_text, toml_text};
 use carom_sim::SimError;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -52,6 +52,11 @@ struct OwnLaw {
 }
 
 impl Functions {
+    /// Whether nothing acts beside the keys.
+    pub fn is_empty(&self) -> bool {
+        self.laws.is_empty() && self.controller.is_none()
+    }
+
     /// The result of a simulation, or the exception that a function has raised in it.
     ///
     /// # Errors
@@ -140,6 +145,50 @@ impl Scene {
         Ok(Self::new(scene, sources))
     }
 
+    /// A scene of the text of a dict, whose keys messages name.
+    fn of_keys(py: Python<'_>, text: &str, folder: PathBuf) -> PyResult<Self> {
+        Self::of_text(py, text, folder).map_err(|error| match error {
+            SimError::Scene { rule, .. } => {
+                raise(SimError::Scene { file: "<dict>".into(), rule: by_keys(&rule, text) })
+            }
+            other => raise(other),
+        })
+    }
+
+    /// The keys, with the start and the duration that were given after reading.
+    fn keys(&self) -> PyResult<toml::Table> {
+        let mut keys: toml::Table =
+            self.scene.text.parse().map_err(|e: toml::de::Error| PyValueError::new_err(e.to_string()))?;
+        let numbers = |x: &[f64]| toml::Value::from(x.to_vec());
+        if self.changed.start {
+            let robot = keys.get_mut("robot").and_then(toml::Value::as_table_mut);
+            let given = |robot: &toml::Table| robot.get("q").and_then(toml::Value::as_array).map(Vec::len);
+            let robot = robot.filter(|robot| given(robot) == Some(self.scene.q.len()));
+            let robot = robot.ok_or_else(|| {
+                refuse("the start of several robots, or of one with segments, is not in keys of its own")
+            })?;
+            robot.remove("tip_velocity");
+            robot.insert("q".into(), numbers(&self.scene.q));
+            robot.insert("qd".into(), numbers(&self.scene.qd));
+        }
+        if self.changed.duration {
+            let run = keys.entry("run").or_insert_with(|| toml::Table::new().into());
+            if let Some(run) = run.as_table_mut() {
+                run.insert("duration".into(), self.scene.duration.into());
+            }
+        }
+        Ok(keys)
+    }
+
+    /// With the laws and the controller of another scene.
+    fn with_functions(mut self, py: Python<'_>, other: &Functions) -> PyResult<Self> {
+        for own in &other.laws {
+            self = self.with_law(own.object.bind(py), own.link.as_deref(), own.surface.as_deref())?;
+        }
+        let Some(controller) = &other.controller else { return Ok(self) };
+        self.with_controller(&controller.function(py), controller.rate())
+    }
+
     fn other(&self, scene: carom_sim::Scene) -> Self {
         Self { scene: Arc::new(scene), ..self.again() }
     }
@@ -153,6 +202,10 @@ impl Scene {
         let Self { scene, functions, sources, changed } = self;
         Self { scene: scene.clone(), functions: functions.clone(), sources: sources.clone(), changed: *changed }
     }
+}
+
+fn refuse(what: &str) -> PyErr {
+    PyValueError::new_err(format!("{what}: take the dict of the scene before, and change its keys"))
 }
 
 getters! { Scene, self, py {
@@ -199,13 +252,7 @@ impl Scene {
     #[staticmethod]
     #[pyo3(signature = (keys, folder=PathBuf::from(".")))]
     fn from_dict(py: Python<'_>, keys: Given, folder: PathBuf) -> PyResult<Self> {
-        let text = toml_text(keys)?;
-        Self::of_text(py, &text, folder).map_err(|error| match error {
-            SimError::Scene { rule, .. } => {
-                raise(SimError::Scene { file: "<dict>".into(), rule: by_keys(&rule, &text) })
-            }
-            other => raise(other),
-        })
+        Self::of_keys(py, &toml_text(keys)?, folder)
     }
 
     /// The keys of the scene, for `from_dict`; names of files in them are relative to `folder`, so that
@@ -215,33 +262,27 @@ impl Scene {
     ///     ValueError: a law or a controller was given after reading, or another start to a scene of several robots or with segments:
     ///         no keys say it.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let refuse = |what: &str| {
-            PyValueError::new_err(format!("{what}: take the dict of the scene before, and change its keys"))
-        };
-        if !self.functions.laws.is_empty() || self.functions.controller.is_some() {
+        if !self.functions.is_empty() {
             return Err(refuse("no keys say a law of with_law or a function of with_controller"));
         }
-        let mut keys: toml::Table =
-            self.scene.text.parse().map_err(|e: toml::de::Error| PyValueError::new_err(e.to_string()))?;
-        let numbers = |x: &[f64]| toml::Value::from(x.to_vec());
-        if self.changed.start {
-            let robot = keys.get_mut("robot").and_then(toml::Value::as_table_mut);
-            let given = |robot: &toml::Table| robot.get("q").and_then(toml::Value::as_array).map(Vec::len);
-            let robot = robot.filter(|robot| given(robot) == Some(self.scene.q.len()));
-            let robot = robot.ok_or_else(|| {
-                refuse("the start of several robots, or of one with segments, is not in keys of its own")
-            })?;
-            robot.remove("tip_velocity");
-            robot.insert("q".into(), numbers(&self.scene.q));
-            robot.insert("qd".into(), numbers(&self.scene.qd));
-        }
-        if self.changed.duration {
-            let run = keys.entry("run").or_insert_with(|| toml::Table::new().into());
-            if let Some(run) = run.as_table_mut() {
-                run.insert("duration".into(), self.scene.duration.into());
-            }
-        }
-        Ok(pythonize(py, &keys)?.cast_into()?)
+        Ok(pythonize(py, &self.keys()?)?.cast_into()?)
+    }
+
+    /// The same scene with other keys: gains, gravity, coefficients, masses, whatever a scene file says.
+    ///
+    /// Args:
+    ///     changes: values by the path of their key, such as {"run.gravity": [0, 0, -1.62], "contact.restitution": 0.8,
+    ///         "surface[0].friction": 0.1, "robot.mass": {"hand": 0.9}}. A dict as value changes the keys that it has, and keeps the
+    ///         others; None takes a key out; any other value replaces what is there.
+    ///
+    /// Laws and the controller in Python, start and duration of this scene are kept; where a key is changed, it counts.
+    ///
+    /// Raises:
+    ///     SimulationError, UrdfError, StateError: as `from_dict`, with the path of the key.
+    ///     ValueError: a path that leads nowhere; a start of several robots that is in no key.
+    fn with_keys(&self, py: Python<'_>, changes: Given) -> PyResult<Self> {
+        let text = changed_text(self.keys()?, changes)?;
+        Self::of_keys(py, &text, self.sources.folder.clone())?.with_functions(py, &self.functions)
     }
 
     /// The same scene from another start.

@@ -1,11 +1,12 @@
 //! Derivatives of whole runs.
 
-use crate::array::{array, list};
-use crate::pickle::fields;
-use carom_sim::{Parameter, Plan, SimError};
+use crate::array::{Array, array, list};
+use crate::pickle::{Parts, Pickled, tuple};
+use crate::run::RunEvent;
+use carom_sim::{Parameter, Plan, Sampling, Seen, SimError};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::PyList;
 use pythonize::pythonize;
 
 /// The derivatives of a whole run: of its final state and of the times of its events. `Scene.sensitivity` makes one.
@@ -14,13 +15,28 @@ use pythonize::pythonize;
 #[pyclass(frozen, module = "carom")]
 pub struct Sensitivity {
     found: carom_sim::Sensitivity,
+    /// The events of the run.
+    happened: Vec<Py<RunEvent>>,
 }
 
-fields! { Sensitivity { found } }
+/// By its numbers and its events.
+impl Pickled for Sensitivity {
+    fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let events: Vec<Array> = self.happened.iter().map(|event| event.get().write(py)).collect::<PyResult<_>>()?;
+        tuple(py, [self.found.write(py)?, PyList::new(py, events)?.into_any()])
+    }
 
-impl From<carom_sim::Sensitivity> for Sensitivity {
-    fn from(found: carom_sim::Sensitivity) -> Self {
-        Self { found }
+    fn read(from: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let mut parts = Parts::of(from)?;
+        let (found, events): (carom_sim::Sensitivity, Vec<RunEvent>) = (parts.next()?, parts.next()?);
+        Self::new(from.py(), found, events)
+    }
+}
+
+impl Sensitivity {
+    pub fn new(py: Python<'_>, found: carom_sim::Sensitivity, events: Vec<RunEvent>) -> PyResult<Self> {
+        let happened = events.into_iter().map(|event| Py::new(py, event)).collect::<PyResult<_>>()?;
+        Ok(Self { found, happened })
     }
 }
 
@@ -38,9 +54,20 @@ pub fn chosen(plan: &Plan, names: Option<Vec<String>>) -> PyResult<Vec<Parameter
     names.iter().map(one).collect()
 }
 
-/// The derivatives of a planned run.
-pub fn of(plan: &Plan, duration: f64, parameters: &[Parameter]) -> Result<Sensitivity, SimError> {
-    plan.sensitivity(duration, parameters).map(Sensitivity::from)
+/// The derivatives of a planned run, and its events.
+pub fn of(
+    plan: &Plan,
+    duration: f64,
+    parameters: &[Parameter],
+) -> Result<(carom_sim::Sensitivity, Vec<RunEvent>), SimError> {
+    let found = plan.sensitivity(duration, parameters)?;
+    let mut events = Vec::new();
+    plan.stream(duration, Sampling::default(), &mut |seen| {
+        if let Seen::Event(event) = seen {
+            events.push(RunEvent::of(&plan.simulation, event.clone()).with_derivatives(&found.events));
+        }
+    })?;
+    Ok((found, events))
 }
 
 getters! { Sensitivity, self, py {
@@ -69,21 +96,14 @@ impl Sensitivity {
         by.map(|by| array(py, by.transpose().as_slice().to_vec(), &[by.nrows(), by.ncols()])).transpose()
     }
 
-    /// The events with derivatives: dicts of time (s), kinds (names) and time_by, shape (columns,).
+    /// The events of the run in the order of time, a list of Event, with the derivatives of their times: `Event.time_by`.
     #[getter]
-    fn events<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
-        let event = |event: &carom_sim::EventTime| -> PyResult<_> {
-            Ok(dict! { py,
-                "time": event.time,
-                "kinds": &event.kinds,
-                "time_by": list(py, &event.time_by)?,
-            })
-        };
-        self.found.events.iter().map(event).collect()
+    fn events(&self, py: Python<'_>) -> Vec<Py<RunEvent>> {
+        self.happened.iter().map(|event| event.clone_ref(py)).collect()
     }
 
     fn __repr__(&self) -> String {
-        let (columns, events) = (self.found.names.len(), self.found.events.len());
+        let (columns, events) = (self.found.names.len(), self.happened.len());
         match &self.found.broken {
             None => format!("<carom.Sensitivity by {columns} numbers, {events} events>"),
             Some(broken) => format!("<carom.Sensitivity by {columns} numbers until {} s>", broken.time),

@@ -7,7 +7,7 @@ use crate::run::{RunEvent, contact_table};
 use crate::scene::{Functions, Planned, Scene};
 use crate::table::Table;
 use crate::threads::{LOOK, interruptible};
-use carom_sim::{Advance, Sampling, Seen, SimError, StopReason};
+use carom_sim::{Sampling, Seen, StopReason};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pythonize::pythonize;
@@ -29,13 +29,20 @@ impl Session {
         Self { session, chain, functions }
     }
 
-    fn go(
-        &mut self,
-        py: Python<'_>,
-        advance: impl FnOnce(&mut carom_sim::Session, &mut dyn FnMut()) -> Result<Advance, SimError> + Send,
-    ) -> PyResult<Vec<RunEvent>> {
-        let session = &mut self.session;
-        let Advance { events, stop } = self.functions.pass(interruptible(py, |look| advance(session, look))?)?;
+    fn go(&mut self, py: Python<'_>, (duration, to_event, loads): (f64, bool, bool)) -> PyResult<Vec<RunEvent>> {
+        let (session, mut events) = (&mut self.session, Vec::new());
+        let sampling = Sampling { every: None, dense: duration > LOOK, loads };
+        let advance = if to_event { carom_sim::Session::stream_to_event } else { carom_sim::Session::stream };
+        let stop = interruptible(py, |look| {
+            let watch = &mut |seen: Seen| {
+                look();
+                if let Seen::Event(event) = seen {
+                    events.push(event.clone());
+                }
+            };
+            advance(session, duration, sampling, watch)
+        })?;
+        let stop = self.functions.pass(stop)?;
         let sim = self.session.simulation();
         if stop == StopReason::Events && events.is_empty() {
             let (most, time) = (sim.max_events, self.session.time());
@@ -56,6 +63,8 @@ getters! { Session, self, py {
     q: Array<'py> = list(py, &self.session.moment().q)?;
     /// Joint velocities, shape (nv,); rad/s, m/s.
     qd: Array<'py> = list(py, &self.session.moment().qd)?;
+    /// Forces of the motors now, after their limits, under the present joint forces, shape (nv,); N m, N.
+    motors: Array<'py> = list(py, &self.functions.pass(self.session.motor_forces())?)?;
     /// The contact mode: "free", "sliding", "sticking", "latched", "pressing" or "stepping".
     mode: &'static str = self.session.mode().name();
     /// Energy balance since the start; the dict of `Run.energy`.
@@ -82,30 +91,21 @@ impl Session {
         self.session.set_forces(&self.chain.v("forces", forces)?.single("forces")?).map_err(raise)
     }
 
-    /// Advances by a duration (s); returns the events in it.
+    /// Advances by a duration (s); returns the events in it, with loads=True with `Event.loads`. Ctrl-C ends it.
     ///
     /// Raises:
     ///     SimulationError: a motion that cannot be continued, more events than max_events. The session then stays where it was.
     ///         Exceptions of a law or a controller in Python are passed on as they are.
-    fn advance(&mut self, py: Python<'_>, duration: f64) -> PyResult<Vec<RunEvent>> {
-        let sampling = Sampling { every: None, dense: duration > LOOK };
-        self.go(py, |session, look| {
-            let mut events = Vec::new();
-            let watch = &mut |seen: Seen| {
-                look();
-                if let Seen::Event(event) = seen {
-                    events.push(event.clone());
-                }
-            };
-            let stop = session.stream(duration, sampling, watch)?;
-            Ok(Advance { events, stop })
-        })
+    #[pyo3(signature = (duration, *, loads=false))]
+    fn advance(&mut self, py: Python<'_>, duration: f64, loads: bool) -> PyResult<Vec<RunEvent>> {
+        self.go(py, (duration, false, loads))
     }
 
     /// Advances to the next event, by `longest` seconds at most; returns the events of its time, an empty list if there is none.
-    /// Errors as `advance`.
-    fn advance_to_event(&mut self, py: Python<'_>, longest: f64) -> PyResult<Vec<RunEvent>> {
-        self.go(py, |session, _| session.advance_to_event(longest))
+    /// Loads and errors as `advance`.
+    #[pyo3(signature = (longest, *, loads=false))]
+    fn advance_to_event(&mut self, py: Python<'_>, longest: f64, loads: bool) -> PyResult<Vec<RunEvent>> {
+        self.go(py, (longest, true, loads))
     }
 
     /// The whole state, for `restore`: time, q, qd, the contacts and what they remember. The joint forces are not part of it.

@@ -1,12 +1,14 @@
 //! Methods of `Scene` that run it.
 
-use crate::error::raise;
+use crate::error::{exceptions, raise};
 use crate::run::{Run, Told};
 use crate::scene::Scene;
 use crate::sensitivity::{self, Sensitivity};
 use crate::session::Session;
-use crate::threads::{LOOK, interruptible};
+use crate::table::Table;
+use crate::threads::{LOOK, interruptible, left_behind, on_all_cores};
 use carom_sim::{Sampling, Seen};
+use carom_study::{ALL_THE_SAME, SCENE_KEY, ensemble, run_columns};
 use pyo3::exceptions::{PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 
@@ -19,14 +21,16 @@ impl Scene {
     ///
     /// Args:
     ///     sample: time between samples, s; by default that of the scene, or 0.004 s.
+    ///     loads: computes the forces of the motors at each sample (`Run.motors`), and the loads on the joints at each impact
+    ///         (`Run.loads`, `Event.loads`).
     ///
     /// Raises:
     ///     SimulationError: an overlap at the start, a motion that cannot be continued. Exceptions of a law or a controller in
     ///         Python are passed on as they are.
-    #[pyo3(signature = (*, sample=None))]
-    fn simulate(&self, py: Python<'_>, sample: Option<f64>) -> PyResult<Run> {
+    #[pyo3(signature = (*, sample=None, loads=false))]
+    fn simulate(&self, py: Python<'_>, sample: Option<f64>, loads: bool) -> PyResult<Run> {
         let every = sample.or(self.scene.sample).unwrap_or(SAMPLE);
-        let sampling = Sampling { every: Some(every), dense: every > LOOK };
+        let sampling = Sampling { every: Some(every), dense: every > LOOK, loads };
         let rated = self.functions.controller.as_ref().and_then(|it| Some((it, it.rate()?)));
         let done = interruptible(py, |look| {
             let plan = self.scene.plan()?;
@@ -42,11 +46,12 @@ impl Scene {
             Ok((plan, seen, summary))
         });
         let (plan, seen, summary) = self.functions.pass(done?)?;
-        for warning in summary.warnings() {
+        let run = Run::new(self.again(), plan, seen, summary, loads);
+        for warning in run.all_warnings() {
             let text = std::ffi::CString::new(warning).unwrap_or_default();
             PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
         }
-        Ok(Run::new(self.again(), plan, seen, summary))
+        Ok(run)
     }
 
     /// Starts a Session: a simulation that a loop of one's own advances.
@@ -66,7 +71,8 @@ impl Scene {
     }
 
     /// The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters. Exact to
-    /// about 1e-8 of their size. The GIL is released, except while a law in Python is called.
+    /// about 1e-8 of their size. The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
+    /// background until it has ended, without a result.
     ///
     /// Args:
     ///     parameters: names of parameters, [] for none; by default all: "restitution" and "friction" of all contacts together, and
@@ -79,7 +85,42 @@ impl Scene {
     fn sensitivity(&self, py: Python<'_>, parameters: Option<Vec<String>>) -> PyResult<Sensitivity> {
         let plan = py.detach(|| self.scene.plan()).map_err(raise)?;
         let parameters = sensitivity::chosen(&plan, parameters)?;
-        let found = py.detach(|| sensitivity::of(&plan, self.scene.duration, &parameters));
-        self.functions.pass(found)
+        let duration = self.scene.duration;
+        let found = left_behind(py, move |_| sensitivity::of(&plan, duration, &parameters))?;
+        let (found, events) = self.functions.pass(found)?;
+        Sensitivity::new(py, found, events)
+    }
+
+    /// Runs the scene `count` times from starts that `[run] perturb` of the scene disturbs, on all cores. Ctrl-C ends it.
+    ///
+    /// Returns:
+    ///     A Table with a row for each run: run (0 is the start itself), outcome ("duration", "events", "refused"), impacts,
+    ///     first_impact (s), events; start.q.<joint>, start.qd.<joint>; end.time, end.q.<joint>, end.qd.<joint>; energy_start,
+    ///     energy_end, lost_in_impacts, energy_error (J).
+    ///
+    /// Raises:
+    ///     SimulationError: the scene has no disturbance.
+    ///     ValueError: the scene has a controller with a rate.
+    fn runs(&self, py: Python<'_>, count: u64) -> PyResult<Table> {
+        if self.functions.controller.as_ref().is_some_and(|it| it.rate().is_some()) {
+            return Err(PyValueError::new_err("the scene has a controller with a rate: simulate each start by itself"));
+        }
+        let scene = &*self.scene;
+        if scene.perturbation.is_none() {
+            return Err(exceptions::SimulationError::new_err(ALL_THE_SAME));
+        }
+        let plan = py.detach(|| scene.plan()).map_err(raise)?;
+        let columns = run_columns(scene, &plan);
+        let rows = on_all_cores(py, |stop| {
+            let mut rows = Vec::new();
+            let each = |run: carom_study::Run| {
+                rows.extend(run.row(columns.len()));
+                Ok::<(), std::convert::Infallible>(())
+            };
+            let Ok(()) = ensemble(scene, count, stop, each);
+            rows
+        })?;
+        self.functions.pass(Ok(()))?;
+        Ok(Table::of_rows(columns, &rows).with_text(SCENE_KEY, &scene.text))
     }
 }

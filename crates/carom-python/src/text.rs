@@ -18,10 +18,88 @@ pub fn toml_text(given: &Bound<'_, PyAny>) -> PyResult<String> {
     let Ok(mapping) = given.cast::<PyMapping>() else {
         return Err(PyTypeError::new_err("this is not a dict: give the keys of the file as a dict"));
     };
-    let table = table("", mapping, 0)?;
+    written(&table("", mapping, 0)?)
+}
+
+fn written(table: &Table) -> PyResult<String> {
     // A line of its own, for messages about the whole text.
-    let text = toml::to_string(&table).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    let text = toml::to_string(table).map_err(|e| PyValueError::new_err(e.to_string()))?;
     Ok(format!("# from a dict\n{text}"))
+}
+
+/// The text of these keys with changes: a dict of values by path (`run.gravity`, `surface[0].restitution`). A dict as value changes the keys
+/// that it has, None takes a key out, and any other value replaces what is there.
+///
+/// # Errors
+/// As [`toml_text`]; `ValueError` for a path that leads nowhere.
+pub fn changed_text(mut keys: Table, changes: &Bound<'_, PyAny>) -> PyResult<String> {
+    let Ok(changes) = changes.cast::<PyMapping>() else {
+        return Err(PyTypeError::new_err("changes is not a dict: give values by key, such as {\"run.duration\": 0.5}"));
+    };
+    for pair in changes.items()? {
+        let (path, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = pair.extract()?;
+        let path: String =
+            path.extract().map_err(|_| PyTypeError::new_err(format!("the key {path} is not a string")))?;
+        let (mut at, mut parts) = (&mut keys, path.split('.').peekable());
+        while let Some(part) = parts.next() {
+            if parts.peek().is_some() {
+                at = table_in(entry(at, part, &path)?, part, &path)?;
+            } else if value.is_none() {
+                at.remove(part);
+            } else {
+                merge(entry(at, part, &path)?, &path, &value)?;
+            }
+        }
+    }
+    written(&keys)
+}
+
+/// The value of a part of a path, `NAME` or `NAME[K]`; an empty table where there is none.
+fn entry<'t>(table: &'t mut Table, part: &str, path: &str) -> PyResult<&'t mut Value> {
+    let Some((name, index)) = part.strip_suffix(']').and_then(|part| part.split_once('[')) else {
+        return Ok(table.entry(part).or_insert_with(|| Table::new().into()));
+    };
+    let refuse = |why: String| PyValueError::new_err(format!("{path}: {why}"));
+    match table.get_mut(name) {
+        Some(Value::Array(all)) => {
+            let count = all.len();
+            let one = index.parse().ok().and_then(|k: usize| all.get_mut(k));
+            one.ok_or_else(|| refuse(format!("{name} has {count} entries, which count from 0")))
+        }
+        Some(_) => Err(refuse(format!("{name} is no list: leave out [{index}]"))),
+        None => Err(refuse(format!("there is no {name}: give the whole list"))),
+    }
+}
+
+fn table_in<'t>(value: &'t mut Value, part: &str, path: &str) -> PyResult<&'t mut Table> {
+    let kind = value.type_str();
+    let count = value.as_array().map(Vec::len);
+    value.as_table_mut().ok_or_else(|| {
+        let why = match count {
+            Some(count) => format!("{part} is a list of {count}: write {part}[0]"),
+            None => format!("{part} is a {kind}, which has no keys"),
+        };
+        PyValueError::new_err(format!("{path}: {why}"))
+    })
+}
+
+/// Changes a value to a given one: of tables only the keys that are given.
+fn merge(old: &mut Value, place: &str, given: &Bound<'_, PyAny>) -> PyResult<()> {
+    let (Value::Table(table), Ok(changes)) = (&mut *old, given.cast::<PyDict>()) else {
+        *old = toml_value(place, given, 0)?;
+        return Ok(());
+    };
+    for (key, value) in changes {
+        let key: String =
+            key.extract().map_err(|_| PyTypeError::new_err(format!("{place}: the key {key} is not a string")))?;
+        if value.is_none() {
+            table.remove(&key);
+        } else {
+            let place = format!("{place}.{key}");
+            merge(table.entry(key).or_insert_with(|| Table::new().into()), &place, &value)?;
+        }
+    }
+    Ok(())
 }
 
 /// A message about this text, which begins with a line of it, with the key in that line instead: the user has given a dict.

@@ -1,10 +1,12 @@
 """Loading, names, configurations, shapes and what is refused."""
 
+import pickle
+
 import numpy as np
 import pytest
 
 import carom
-from conftest import close, states
+from conftest import ROOT, close, states
 
 ROD = """<robot name="rod"><link name="base"/>
   <link name="rod"><inertial><origin xyz="1 0 0"/><mass value="2"/>
@@ -214,3 +216,21 @@ def test_a_uniform_chain_has_the_inertia_of_a_rod():
     close(rod.mass_matrix(rod.neutral())[0, 0], 3.0 * 2.0**2 / 3, 1e-14)
     with pytest.raises(carom.ChainError, match="positive"):
         carom.Chain.uniform(0, length=1.0, mass=1.0)
+
+
+def test_rotors_and_masses_of_a_robot_are_those_that_are_given(arm):
+    q = np.array([0.3, -0.8])
+    bare = arm.mass_matrix(q)
+    geared = carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", rotor_inertia={"elbow": 0.25})
+    close(geared.mass_matrix(q) - bare, [[0, 0], [0, 0.25]])
+    again = pickle.loads(pickle.dumps(geared))
+    close(again.mass_matrix(q), geared.mass_matrix(q), 0)
+    # Twice the mass of every link, with its inertia.
+    masses = {"link1": 10, "elbow_stator": 24, "link2": 5.378}
+    close(carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", mass=masses).mass_matrix(q), 2 * bare)
+    with pytest.raises(carom.ChainError, match="no link is named 'lnk1'; did you mean 'link1'"):
+        carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", mass={"lnk1": 1})
+    with pytest.raises(carom.ChainError, match="mass of a link is 1: only a link with a mass"):
+        carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", mass={"base": 1})
+    with pytest.raises(carom.ChainError, match="elbw"):
+        carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", rotor_inertia={"elbw": 1})

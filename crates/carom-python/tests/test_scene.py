@@ -77,15 +77,19 @@ def test_sensitivities_of_a_run_are_differences_of_runs():
     def compare(j, more, less):
         (late, later), (soon, sooner) = end(more.simulate()), end(less.simulate())
         close(found.last_by[:, j], (late - soon) / (2 * h), 1e-6)
-        close(found.events[0]["time_by"][j], (later - sooner) / (2 * h), 1e-6)
+        close(found.events[0].time_by[j], (later - sooner) / (2 * h), 1e-6)
 
     for j, step in enumerate(h * np.eye(4)):
         compare(j, *(scene.with_start(scene.q + s * step[:2], scene.qd + s * step[2:]) for s in (1, -1)))
     law = [carom.Energetic(keys["contact"]["restitution"] + s * h, 0.1) for s in (1, -1)]
     compare(4, *(scene.with_law(law, link="tip") for law in law))
-    time, q, qd = scene.simulate().last
+    run = scene.simulate()
+    time, q, qd = run.last
     close(found.last[1], q, 1e-12)
-    assert found.events[0]["kinds"] == ["impact"] and found.last[0] == time
+    assert found.last[0] == time
+    # The events are those of the run, each with its derivatives.
+    assert [(it.kind, it.time, it.contact) for it in found.events] == [(it.kind, it.time, it.contact) for it in run.events]
+    assert all(it.time_by.shape == (6,) for it in found.events) and run.events[0].time_by is None
 
     one = scene.sensitivity(["restitution"])
     assert one.names == [*names, "restitution"]
@@ -99,6 +103,7 @@ def test_a_run_without_derivatives_tells_where_they_end():
     keys["run"]["method"] = "steps"
     found = carom.Scene.from_dict(keys, folder=ROOT / "scenes").sensitivity()
     assert found.last_by is None and found.broken["time"] == 0 and "time steps" in found.broken["reason"]
+    assert found.events and all(event.time_by is None for event in found.events)
 
 
 def test_samples_are_at_the_interval_that_is_asked_for():
@@ -211,6 +216,177 @@ def test_the_dict_of_a_changed_scene_has_its_start_and_duration():
     several = next(one for one in map(carom.Scene.from_file, SCENES) if isinstance(one.to_dict()["robot"], list))
     with pytest.raises(ValueError, match="start of several robots"):
         several.with_start(qd=several.qd).to_dict()
+
+
+def test_a_scene_with_other_keys_is_the_scene_of_the_changed_dict():
+    scene = carom.Scene.from_file(ROOT / "scenes/quadruped.toml")
+    keys = scene.to_dict()
+    keys["run"] |= {"kp": 200, "gravity": [0, 0, -1.62], "duration": 0.4}
+    keys["run"]["target"]["fl_pitch"] = 0.6
+    del keys["run"]["perturb"]
+    keys["contact"]["friction"] = 0.5
+    keys["surface"][0]["restitution"] = 0.2
+    keys["robot"]["mass"] = {"trunk": 12}
+    changes = {
+        "run.kp": 200,
+        "run": {"gravity": np.array([0, 0, -1.62]), "target": {"fl_pitch": 0.6}, "perturb": None},
+        "run.duration": 0.4,
+        "contact.friction": 0.5,
+        "surface[0].restitution": 0.2,
+        "robot.mass.trunk": 12,
+    }
+    changed = scene.with_keys(changes)
+    assert changed.to_dict() == keys
+    assert scene.to_dict() == carom.Scene.from_file(ROOT / "scenes/quadruped.toml").to_dict()
+    close(changed.chain.total_mass - scene.chain.total_mass, 12 - 8, 1e-12)
+    # Start, duration, laws and functions stay, and keys that are given count.
+    tilted = scene.with_start(q=scene.q + np.eye(len(scene.q))[7] * 0.1).with_duration(0.15)
+    changes = {"run.kp": 200, "robot.q[8]": 0.3}
+    plain, lively = tilted.with_keys(changes), tilted.with_law(carom.Newton(0.7)).with_keys(changes)
+    assert lively.q[7] == tilted.q[7] and lively.q[8] == 0.3 and lively.duration == 0.15
+    energies = [one.simulate().energy["lost_in_impacts"] for one in (plain, lively, plain.with_law(carom.Newton(0.7)))]
+    assert energies[0] != energies[1] == energies[2]
+    assert tilted.with_controller(lambda t, q, qd: 0 * qd).with_keys(changes).simulate().energy["drive"] == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"contact.restitutoin": 0.5}, carom.SimulationError, "<dict>: contact.restitutoin: unknown field"),
+        ({"contact": {"restitution": 2}}, carom.SimulationError, "restitution"),
+        ({"surface[3].friction": 0.5}, ValueError, r"surface\[3\].friction: surface has 1 entries, which count from 0"),
+        ({"surface.friction": 0.5}, ValueError, r"surface.friction: surface is a list of 1: write surface\[0\]"),
+        ({"run.duration.x": 0.5}, ValueError, "run.duration.x: duration is a float, which has no keys"),
+        ({"contact[0].friction": 0.5}, ValueError, r"contact\[0\].friction: contact is no list: leave out \[0\]"),
+        ({"robot.mass": {"tibb": 1}}, carom.UrdfError, "no link is named 'tibb'; did you mean 'tip'"),
+        ({"robot.mass": {"link1": -1}}, carom.ChainError, "mass of a link is -1: it must be positive"),
+        ({1: 2}, TypeError, "the key 1 is not a string"),
+        (["run.kp"], TypeError, "changes is not a dict"),
+        ({"run.kp": object()}, TypeError, "run.kp is object"),
+    ],
+)
+def test_wrong_changes_of_keys_are_refused_by_their_path(changes, error, message):
+    scene = carom.Scene.from_file(ROOT / "scenes/planar2.toml")
+    with pytest.raises(error, match=message) as refused:
+        scene.with_keys(changes)
+    assert "line " not in str(refused.value)
+
+
+def test_runs_from_disturbed_starts_begin_with_that_of_the_scene():
+    scene = carom.Scene.from_file(ROOT / "scenes/quadruped.toml").with_duration(0.3)
+    table = scene.runs(4)
+    assert list(table["run"]) == [0, 1, 2, 3] and set(table["outcome"]) == {"duration"}
+    time, q, qd = scene.simulate().last
+    columns = [name for name in table.columns if name.startswith("end.q")]
+    assert [table[name][0] for name in ["end.time", *columns]] == [time, *q, *qd]
+    assert len(set(table[columns[0]])) == 4
+    with pytest.raises(carom.SimulationError, match="no disturbance.*perturb"):
+        carom.Scene.from_file(ROOT / "scenes/planar2.toml").runs(3)
+    with pytest.raises(ZeroDivisionError):
+        scene.with_law(lambda H, u: 1 / 0).runs(2)
+
+
+def test_a_comparison_finds_the_law_that_made_the_data(rng):
+    H = rng.normal(size=(60, 3, 4))
+    H = H @ H.transpose(0, 2, 1)
+    u = rng.normal(size=(60, 3)) - [0, 0, 3]
+    after = [carom.law(h, v, carom.Poisson(0.6, 0.3)).u_plus for h, v in zip(H, u)]
+    found = carom.compare(delassus=H, u_minus=u, u_plus=after, name="own", folds=3)
+    rows = found["comparisons"][0]["rows"]
+    best = min((row for row in rows if not row["effects"]), key=lambda row: row["mean"])
+    assert best["law"] == "poisson" and best["mean"] < 1e-5
+    assert found["folds"] == 3 and "poisson" in found["markdown"] and found["svg"]["own"].startswith("<svg")
+    with pytest.raises(carom.FitError, match="number of folds is 1"):
+        carom.compare(delassus=H, u_minus=u, u_plus=after, folds=1)
+    with pytest.raises(TypeError, match="nothing is given.*or data"):
+        carom.compare()
+    with pytest.raises(carom.FitError):
+        carom.compare(data=ROOT / "scenes")
+
+
+def test_a_chart_has_the_errors_of_the_methods():
+    scene = carom.Scene.from_file(ROOT / "scenes/planar2.toml").with_duration(0.2)
+    chart = carom.chart(scene, budget=0.05)
+    assert min(run["at_end"] for run in chart["runs"] if run["at_end"] is not None) < 1e-6
+    assert chart["csv"].startswith("method") and chart["svg"].startswith("<svg")
+    with pytest.raises(ValueError, match="no compliant contact"):
+        carom.chart(scene, stiffness=True)
+    with pytest.raises(ValueError, match="budget is 0"):
+        carom.chart(scene, budget=0)
+
+
+def test_simulated_tosses_of_a_free_flight_have_no_error(tmp_path):
+    cube = "<robot name='cube'><link name='cube'><inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/>"
+    cube += "</inertial><collision><geometry><box size='0.1 0.1 0.1'/></geometry></collision></link></robot>"
+    (tmp_path / "cube.urdf").write_text(cube)
+    rows = [(0, t, t, 0, 2 - 4.905 * t * t, 1, 0, 0, 0, 1, 0, -9.81 * t, 0, 0, 0) for t in np.arange(0, 0.3, 0.01)]
+    head = "toss,t,px,py,pz,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz"
+    (tmp_path / "tosses.csv").write_text("\n".join([head, *(",".join(map(str, row)) for row in rows)]))
+    found = carom.tosses(tmp_path, carom.Newton(0.1, 0.3))
+    assert found["tosses"] == 1 and found["last"]["position_mean"] < 1e-9 and found["each"][0]["events"] == 0
+    with pytest.raises(carom.FitError, match="start is 'guessed'"):
+        carom.tosses(tmp_path, carom.Newton(0.1), start="guessed")
+    with pytest.raises(carom.FitError, match="length is -1"):
+        carom.tosses(tmp_path, carom.Newton(0.1), length=-1)
+
+
+def test_loads_of_a_run_are_those_of_its_impacts():
+    run = carom.Scene.from_file(ROOT / "scenes/strike7.toml").simulate(sample=0.005, loads=True)
+    chain, event = run.chain, next(it for it in run.events if it.impact)
+    contact, point, impulse = event.impulses[0]
+    frame = contact.split(" on ")[0]
+    pose = chain.pose(event.q, frame)
+    point = pose[:3, :3].T @ (point - pose[:3, 3])
+    alone = chain.impact_loads(event.q, event.qd_plus - event.qd_minus, frame, impulse, point=point)
+    close(event.loads["joint_impulse"], alone["joint_impulse"], 1e-12)
+    for joint, own in alone["bearings"].items():
+        close(event.loads["bearings"][joint]["force"], own["force"], 1e-12)
+    table = run.loads
+    assert list(table["joint"]) == list(event.loads["bearings"]) * sum(it.loads is not None for it in run.events)
+    assert run.motors.shape == (len(run.time), chain.nv) and not run.motors.any()
+    assert run.states.columns[-1] == f"motor.{chain.joints[-1]}"
+
+
+def test_forces_of_motors_are_those_of_the_controller():
+    scene = carom.Scene.from_file(ROOT / "scenes/racket.toml").with_duration(0.4)
+    kp, kd, target = (scene.to_dict()["run"][name] for name in ("kp", "kd", "target"))
+    run = scene.simulate(loads=True)
+    for name, force in zip(run.chain.joints, run.motors.T):
+        k = run.chain.joints.index(name)
+        expected = kp[name] * (target[name] - run.q[:, k]) - kd[name] * run.qd[:, k] if name in kp else 0 * force
+        close(force, expected, 1e-10)
+    struck = [event for event in run.events if event.loads]
+    assert struck and np.abs(struck[0].loads["motors_plus"] - struck[0].loads["motors_minus"]).max() > 0.01
+    session = scene.session()
+    events = session.advance_to_event(1.0, loads=True)
+    assert np.array_equal(events[0].loads["motors_plus"], struck[0].loads["motors_plus"])
+    close(session.motors, events[0].loads["motors_plus"], 1e-10)
+    own = scene.with_controller(lambda t, q, qd: np.arange(len(qd)), rate=100).simulate(loads=True)
+    assert own.motors[0, 1] == 1 and not own.motors[:, 4:].any()
+
+
+@pytest.mark.skipif(not carom.can_record(), reason="this wheel is built without recordings")
+def test_recordings_of_loads_have_the_forces_of_motors_and_the_impulses_through_joints(tmp_path):
+    rerun = pytest.importorskip("rerun.experimental")
+    scene = carom.Scene.from_file(ROOT / "scenes/racket.toml").with_duration(0.4)
+    entities = {}
+    for loads in (False, True):
+        path = tmp_path / f"{loads}.rrd"
+        carom.record(scene.simulate(loads=loads), path)
+        entities[loads] = {str(chunk.entity_path) for chunk in rerun.RrdReader(path).stream()}
+    assert entities[True] - entities[False] == {"/series/motor", "/series/through/force", "/series/through/moment"}
+
+
+def test_loads_are_there_only_where_they_are_asked_for():
+    scene = carom.Scene.from_file(ROOT / "scenes/planar2.toml").with_duration(0.3)
+    run = scene.simulate()
+    assert all(event.loads is None for event in run.events) and not any("motor" in name for name in run.states.columns)
+    for name in ("motors", "loads"):
+        with pytest.raises(ValueError, match="simulate.loads=True"):
+            getattr(run, name)
+    with pytest.warns(UserWarning, match="loads: the impulses through joints are not determined, because loops"):
+        looped = carom.Scene.from_file(ROOT / "scenes/four_bar.toml").simulate(loads=True)
+    assert any("loops carry" in text for text in looped.warnings)
 
 
 def test_messages_about_dicts_name_keys_and_no_lines():

@@ -74,12 +74,27 @@ if scene is not None:
     assert_type(run.q, Matrix)
     assert_type(run.events[0].impact, carom.Impact | None)
     assert_type(carom.map("study.toml"), carom.Table)
+    loaded = scene.with_keys({"run.kp": 3.0, "run": {"gravity": np.zeros(3)}}).simulate(loads=True)
+    assert_type(loaded.motors, Matrix)
+    assert_type(loaded.loads, carom.Table)
+    if loaded.events[0].loads is not None:
+        assert_type(loaded.events[0].loads["bearings"]["elbow"]["force"], Vector)
+        assert_type(loaded.events[0].loads["motors_plus"], Vector)
+    assert_type(scene.runs(10), carom.Table)
+    assert_type(scene.session().advance_to_event(1.0, loads=True), list[carom.Event])
+    assert_type(scene.session().motors, Vector)
+    assert_type(scene.sensitivity().events[0].time_by, Vector | None)
+    assert_type(carom.chart(scene, budget=0.1), dict[str, Any])
+    assert_type(carom.tosses("folder", law, start="given"), dict[str, Any])
+    assert_type(carom.compare(data=["one", "two"], judge="early"), dict[str, Any])
+    assert_type(carom.Chain.from_urdf("arm.urdf", rotor_inertia={"elbow": 0.1}, mass={"hand": 1}), carom.Chain)
 
 try:
     carom.Chain()  # type: ignore[call-arg]
     carom.Impact()  # type: ignore[call-arg]
     carom.Energetic("0.5")  # type: ignore[arg-type]
     hits.flagged("no-aproach")  # type: ignore[arg-type]
+    carom.tosses("folder", law, start="guessed")  # type: ignore[arg-type]
     hit.qdplus  # type: ignore[attr-defined]
     arm.impact(many, qd, "tip", (0, 1, 0), law, saltation=True)  # type: ignore[arg-type]
 except TypeError:

@@ -38,9 +38,11 @@ from ._carom import (
     Table,
     Whittaker,
     can_record,
+    chart,
     diagram,
     law,
     map,
+    tosses,
 )
 from ._errors import (
     CaromError,
@@ -68,6 +70,26 @@ class Flags(_enum.IntFlag):
     GRAZING = 8
     NON_UNIQUE = 16
     NO_APPROACH = 32
+
+
+def _measured(data):
+    """The kind of the measurements that are given, and its arguments."""
+    kinds = {
+        "contact": ("delassus", "u_minus", "u_plus"),
+        "joints": ("chain", "q", "qd_minus", "qd_plus", "frame", "normal"),
+        "tosses": ("tosses",),
+        "data": ("data",),
+    }
+    given = [kind for kind, names in kinds.items() if any(data.get(name) is not None for name in names)]
+    if len(given) != 1:
+        found = " and ".join(given) or "nothing"
+        others = ", or tosses" if "tosses" in data else ", or data"
+        raise TypeError(f"{found} is given: give velocities at the contact, velocities of joints{others}")
+    names = kinds[given[0]]
+    missing = [name for name in names if data[name] is None]
+    if missing:
+        raise TypeError(f"{', '.join(missing)} is missing beside {', '.join(name for name in names if name not in missing)}")
+    return given[0], {name: data[name] for name in names} | ({"point": data["point"]} if given[0] == "joints" else {})
 
 
 def fit(
@@ -133,30 +155,102 @@ def fit(
         "seed": seed,
         "confidence": confidence,
     }
-    kinds = {
-        "contact": {"delassus": delassus, "u_minus": u_minus, "u_plus": u_plus},
-        "joints": {
+    kind, data = _measured(
+        {
+            "delassus": delassus,
+            "u_minus": u_minus,
+            "u_plus": u_plus,
             "chain": chain,
             "q": q,
             "qd_minus": qd_minus,
             "qd_plus": qd_plus,
             "frame": frame,
+            "point": point,
             "normal": normal,
-        },
-        "tosses": {"tosses": tosses},
-    }
-    given = [kind for kind, data in kinds.items() if any(value is not None for value in data.values())]
-    if len(given) != 1:
-        found = " and ".join(given) or "nothing"
-        raise TypeError(f"{found} is given: give velocities at the contact, velocities of joints, or tosses")
-    missing = [name for name, value in kinds[given[0]].items() if value is None]
-    if missing:
-        raise TypeError(f"{', '.join(missing)} is missing beside {', '.join(k for k in kinds[given[0]] if k not in missing)}")
-    if given[0] == "contact":
-        return _carom.fit_contacts(delassus, u_minus, u_plus, options)
-    if given[0] == "joints":
-        return _carom.fit_joints(chain, q, qd_minus, qd_plus, frame, point, normal, options)
+            "tosses": tosses,
+        }
+    )
+    if kind != "tosses":
+        return _carom.fit_impacts(data, options)
     return _carom.fit_tosses(tosses, robot, tolerance, contact_step, length, start, horizon, options)
+
+
+def compare(
+    *,
+    delassus=None,
+    u_minus=None,
+    u_plus=None,
+    chain=None,
+    q=None,
+    qd_minus=None,
+    qd_plus=None,
+    frame=None,
+    point=None,
+    normal=None,
+    data=None,
+    name="impacts",
+    folds=5,
+    seed=0,
+    max_friction=1.0,
+    trials=60,
+    fitted=60,
+    horizon="early",
+    judge="whole",
+    tolerance=1e-5,
+    contact_step=1e-3,
+    length=0.0524,
+):
+    """Compares all impact laws on measured impacts: each law is fitted to the measurements outside a fold, and judged by those in it.
+
+    The measurements are those of ``fit``: velocities at the contact, or velocities of the joints of a chain; or published ones.
+
+    Args:
+        data: path of published measurements, or a list of paths, as for ``carom compare``.
+        name: of one's own measurements in the result.
+        folds: number of folds, 2 or more.
+        seed: of the folds, of the tosses that are fitted, and of the perturbed starts.
+        max_friction: largest friction of the search.
+        trials, fitted: sets of parameters that each model may try, and tosses to which it is fitted; of tosses and landings.
+        horizon, judge: part of the tosses whose error is fitted, and that is judged: "whole", or "early", to 0.1 s after the impact.
+        tolerance, contact_step, length: of the simulations of tosses and landings, and of the pose error (m).
+
+    Returns:
+        A dict of seed, folds, comparisons (a list of dicts with the JSON keys of ``carom compare --help``), markdown (the tables as a
+        text) and svg (pictures by set).
+
+    Raises:
+        FitError: too few measurements, an option out of its range, data that cannot be read.
+        TypeError: data of no or of several kinds.
+    """
+    kind, measured = _measured(
+        {
+            "delassus": delassus,
+            "u_minus": u_minus,
+            "u_plus": u_plus,
+            "chain": chain,
+            "q": q,
+            "qd_minus": qd_minus,
+            "qd_plus": qd_plus,
+            "frame": frame,
+            "point": point,
+            "normal": normal,
+            "data": data,
+        }
+    )
+    paths = [] if kind != "data" else [data] if isinstance(data, (str, _os.PathLike)) else list(data)
+    options = {
+        "folds": folds,
+        "seed": seed,
+        "max_friction": max_friction,
+        "trials": trials,
+        "fitted": fitted,
+        "horizon": horizon,
+        "judge": judge,
+        "tolerance": tolerance,
+        "contact_step": contact_step,
+        "length": length,
+    }
+    return _carom.compare(name, {} if paths else measured, paths, options)
 
 
 def record(run, to):
@@ -228,8 +322,11 @@ __all__ = [
     "UrdfError",
     "Whittaker",
     "can_record",
+    "chart",
+    "compare",
     "diagram",
     "fit",
     "law",
     "record",
+    "tosses",
 ]

@@ -30,6 +30,10 @@ class _Loads(TypedDict):
     joint_impulse: _Vector
     bearings: dict[str, _JointImpulse]
 
+class _EventLoads(_Loads):
+    motors_minus: _Vector
+    motors_plus: _Vector
+
 class _Stream(Protocol):
     """rerun.RecordingStream."""
 
@@ -70,7 +74,6 @@ class Flags(enum.IntFlag):
 class Law:
     """An impact law of carom with its coefficients; the base class of the eight laws. Immutable."""
     def __new__(cls, _: Never, /) -> Self: ...
-    """An impact law of carom with its coefficients; the base class of the eight laws. Immutable."""
     @property
     def name(self) -> str:
         """Name of the law, as on the command line and in scenes."""
@@ -235,17 +238,6 @@ class Chain:
     Batches are computed without the GIL and on all cores.
     """
     def __new__(cls, _: Never, /) -> Self: ...
-    """A kinematic chain (a tree of links and joints) read from a URDF; immutable.
-
-    Make one with `Chain.from_urdf` or `Chain.from_robot_description`.
-
-    A state is an array q of shape (nq,) with joint velocities qd of shape (nv,); a batch has the shapes (B, nq) and (B, nv).
-    q and qd list the joints in the order of the file, an added floating base first. A floating joint has
-    q = x y z qx qy qz qw, and its qd is the linear, then the angular velocity of the child in child axes. Units are SI and
-    radians. Vectors and matrices of points are in world axes.
-
-    Batches are computed without the GIL and on all cores.
-    """
     @staticmethod
     def from_urdf(
         source: _Path,
@@ -255,6 +247,8 @@ class Chain:
         repair: bool = False,
         strict: bool = False,
         package_dirs: Sequence[_Path] = (),
+        rotor_inertia: Mapping[str, float] = ...,
+        mass: Mapping[str, float] = ...,
     ) -> Chain:
         """Reads a URDF: the path of a file, or the text of one.
 
@@ -265,6 +259,9 @@ class Chain:
             repair: changes the robot as little as needed to compute its dynamics; `repairs` lists the changes.
             strict: raises an error for what is otherwise a warning.
             package_dirs: folders in which packages (package://NAME/…) are searched for first.
+            rotor_inertia: inertias of motors' rotors reflected to their joints, N² I for the gear ratio N: a dict by joint, kg m² or
+                kg. They replace those of the file.
+            mass: masses of links instead of those of the file: a dict by link, kg. Rotational inertias change in proportion.
 
         Raises:
             UrdfError: the file cannot be read or breaks a rule; the message names line, element, value and rule.
@@ -278,6 +275,8 @@ class Chain:
         repair: bool = False,
         strict: bool = False,
         package_dirs: Sequence[_Path] = (),
+        rotor_inertia: Mapping[str, float] = ...,
+        mass: Mapping[str, float] = ...,
     ) -> Chain:
         """Reads a robot of the package `robot_descriptions`, for example "panda_description". The other arguments are those of
         `from_urdf`.
@@ -746,7 +745,6 @@ class Chain:
 class SeveralImpact:
     """The result of an impact at several points."""
     def __new__(cls, _: Never, /) -> Self: ...
-    """The result of an impact at several points."""
     @property
     def qd_plus(self) -> _Vector:
         """Joint velocities after the impact, shape (nv,); rad/s, m/s."""
@@ -779,7 +777,6 @@ class SeveralImpact:
 class Impact:
     """An impact of a chain at one state."""
     def __new__(cls, _: Never, /) -> Self: ...
-    """An impact of a chain at one state."""
     def plot(self, axes: Any = None) -> Any:
         """Draws the velocities of the contact point before and after, and the impulse, by world axes, with matplotlib.
 
@@ -857,10 +854,6 @@ class Impacts:
     `impacts[k]` is the Impact of state k; a slice, an array of numbers or one of B booleans gives the Impacts of these states.
     """
     def __new__(cls, _: Never, /) -> Self: ...
-    """Impacts of a batch of B states.
-
-    `impacts[k]` is the Impact of state k; a slice, an array of numbers or one of B booleans gives the Impacts of these states.
-    """
     @property
     def law(self) -> str:
         """Name of the law."""
@@ -931,7 +924,6 @@ class Impacts:
 class Outcome:
     """The outcome of a law on plain numbers, in contact axes: tangents first, normal last."""
     def __new__(cls, _: Never, /) -> Self: ...
-    """The outcome of a law on plain numbers, in contact axes: tangents first, normal last."""
     @property
     def law(self) -> str:
         """Name of the law."""
@@ -991,11 +983,6 @@ class Table:
     reads `__arrow_c_stream__` (pyarrow.table(table), duckdb, …).
     """
     def __new__(cls, _: Never, /) -> Self: ...
-    """A table of named columns.
-
-    `table["name"]` is a column as an array; `numpy`, `to_pandas` and `to_polars` convert the whole table, as does any library that
-    reads `__arrow_c_stream__` (pyarrow.table(table), duckdb, …).
-    """
     @property
     def columns(self) -> list[str]:
         """Names of the columns."""
@@ -1045,10 +1032,6 @@ class Scene:
     Make one with `Scene.from_file`, `Scene.from_toml` or `Scene.from_dict`; the page "Scene keys" of the manual lists the keys.
     """
     def __new__(cls, _: Never, /) -> Self: ...
-    """A scene: a robot, the surfaces around it, contact laws and run settings. Immutable.
-
-    Make one with `Scene.from_file`, `Scene.from_toml` or `Scene.from_dict`; the page "Scene keys" of the manual lists the keys.
-    """
     @staticmethod
     def from_file(path: _Path) -> Scene:
         """Reads a scene file (TOML), its robot and its meshes.
@@ -1098,6 +1081,20 @@ class Scene:
         Args:
             q, qd: shapes (nq,) and (nv,); what is not given is kept.
         """
+    def with_keys(self, changes: Mapping[str, Any]) -> Scene:
+        """The same scene with other keys: gains, gravity, coefficients, masses, whatever a scene file says.
+
+        Args:
+            changes: values by the path of their key, such as {"run.gravity": [0, 0, -1.62], "contact.restitution": 0.8,
+                "surface[0].friction": 0.1, "robot.mass": {"hand": 0.9}}. A dict as value changes the keys that it has, and keeps the
+                others; None takes a key out; any other value replaces what is there.
+
+        Laws and the controller in Python, start and duration of this scene are kept; where a key is changed, it counts.
+
+        Raises:
+            SimulationError, UrdfError, StateError: as `from_dict`, with the path of the key.
+            ValueError: a path that leads nowhere; a start of several robots that is in no key.
+        """
     def with_duration(self, duration: float) -> Scene:
         """The same scene with another duration, s."""
     def with_law(self, law: _AnyLaw, *, link: str | None = None, surface: str | None = None) -> Scene:
@@ -1136,11 +1133,25 @@ class Scene:
         Raises:
             SimulationError, ChainError: an invalid mesh, a singular mass matrix at the start.
         """
-    def simulate(self, *, sample: float | None = None) -> Run:
+    def runs(self, count: int) -> Table:
+        """Runs the scene `count` times from starts that `[run] perturb` of the scene disturbs, on all cores. Ctrl-C ends it.
+
+        Returns:
+            A Table with a row for each run: run (0 is the start itself), outcome ("duration", "events", "refused"), impacts,
+            first_impact (s), events; start.q.<joint>, start.qd.<joint>; end.time, end.q.<joint>, end.qd.<joint>; energy_start,
+            energy_end, lost_in_impacts, energy_error (J).
+
+        Raises:
+            SimulationError: the scene has no disturbance.
+            ValueError: the scene has a controller with a rate.
+        """
+    def simulate(self, *, sample: float | None = None, loads: bool = False) -> Run:
         """Simulates the scene from event to event. The GIL is released, except while a function in Python is called.
 
         Args:
             sample: time between samples, s; by default that of the scene, or 0.004 s.
+            loads: computes the forces of the motors at each sample (`Run.motors`), and the loads on the joints at each impact
+                (`Run.loads`, `Event.loads`).
 
         Raises:
             SimulationError: an overlap at the start, a motion that cannot be continued. Exceptions of a law or a controller in
@@ -1148,7 +1159,8 @@ class Scene:
         """
     def sensitivity(self, parameters: Sequence[str] | None = None) -> Sensitivity:
         """The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters. Exact to
-        about 1e-8 of their size. The GIL is released, except while a law in Python is called.
+        about 1e-8 of their size. The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
+        background until it has ended, without a result.
 
         Args:
             parameters: names of parameters, [] for none; by default all: "restitution" and "friction" of all contacts together, and
@@ -1171,11 +1183,10 @@ class Session:
 
     q and qd have the coordinates of `session.chain`, the reduced chain of the scene's plan. One thread at a time may use a session.
     """
+    @property
+    def motors(self) -> _Vector:
+        """Forces of the motors now, after their limits, under the present joint forces, shape (nv,); N m, N."""
     def __new__(cls, _: Never, /) -> Self: ...
-    """A simulation that a loop advances: read state and contacts, set joint forces, advance. Made by `Scene.session`.
-
-    q and qd have the coordinates of `session.chain`, the reduced chain of the scene's plan. One thread at a time may use a session.
-    """
     @property
     def chain(self) -> Chain:
         """The simulated robot."""
@@ -1206,16 +1217,16 @@ class Session:
         Raises:
             StateError: a wrong shape, numbers that are not finite.
         """
-    def advance(self, duration: float) -> list[Event]:
-        """Advances by a duration (s); returns the events in it.
+    def advance(self, duration: float, *, loads: bool = False) -> list[Event]:
+        """Advances by a duration (s); returns the events in it, with loads=True with `Event.loads`. Ctrl-C ends it.
 
         Raises:
             SimulationError: a motion that cannot be continued, more events than max_events. The session then stays where it was.
                 Exceptions of a law or a controller in Python are passed on as they are.
         """
-    def advance_to_event(self, longest: float) -> list[Event]:
+    def advance_to_event(self, longest: float, *, loads: bool = False) -> list[Event]:
         """Advances to the next event, by `longest` seconds at most; returns the events of its time, an empty list if there is none.
-        Errors as `advance`.
+        Loads and errors as `advance`.
         """
     def save(self) -> SessionState:
         """The whole state, for `restore`: time, q, qd, the contacts and what they remember. The joint forces are not part of it."""
@@ -1239,18 +1250,16 @@ class Session:
 class SessionState:
     """A saved state of a Session, for `Session.restore`."""
     def __new__(cls, _: Never, /) -> Self: ...
-    """A saved state of a Session, for `Session.restore`."""
 
 class Run:
     """A run of a scene.
 
     q and qd have the coordinates of `run.chain`, all joints of the scene.
     """
+    @property
+    def motors(self) -> _Matrix:
+        """Forces of the motors at the samples, after their limits, shape (S, nv); N m, N. Needs `simulate(loads=True)`."""
     def __new__(cls, _: Never, /) -> Self: ...
-    """A run of a scene.
-
-    q and qd have the coordinates of `run.chain`, all joints of the scene.
-    """
     def plot(self, axes: Any = None) -> Any:
         """Draws q and qd over time, with a line at each impact, with matplotlib.
 
@@ -1280,7 +1289,16 @@ class Run:
         """The events in the order of time, a list of Event."""
     @property
     def states(self) -> Table:
-        """The samples as a Table: time, then q.<joint> and qd.<joint>; joints with several coordinates have numbered columns."""
+        """The samples as a Table: time, then q.<joint>, qd.<joint> and with loads motor.<joint>; joints with several coordinates have
+        numbered columns.
+        """
+    @property
+    def loads(self) -> Table:
+        """The loads of the impacts as a Table, a row for each joint at each impact: time (s), kind of the event, joint; the impulse of its
+        parent link on its child link fx, fy, fz (N s) and its moment mx, my, mz (N m s) about the origin of the child link, in the axes
+        of the child link; of joints with one coordinate joint_impulse (Jᵀp; N m s, N s), motor_minus and motor_plus (force of the motor
+        before and after; N m, N). Needs `simulate(loads=True)`.
+        """
     @property
     def event_table(self) -> Table:
         """The events as a Table: time (s), kind, contact, mode of an impact, the impulse of all contacts px, py, pz (N s, world
@@ -1303,7 +1321,7 @@ class Run:
         """The end: a tuple of the time (s), q (nq,) and qd (nv,)."""
     @property
     def warnings(self) -> list[str]:
-        """What to know of the results: an energy balance that does not close, impulses that do not satisfy their law. They are raised as
+        """What to know of the results: an energy balance that does not close, impulses that do not satisfy their law, missing loads. They are raised as
         Python warnings, too.
         """
     @property
@@ -1319,10 +1337,6 @@ class Sensitivity:
     The columns are the numbers of the start (a displacement of q, then qd) and the parameters, in the order of `names`.
     """
     def __new__(cls, _: Never, /) -> Self: ...
-    """The derivatives of a whole run: of its final state and of the times of its events. `Scene.sensitivity` makes one.
-
-    The columns are the numbers of the start (a displacement of q, then qd) and the parameters, in the order of `names`.
-    """
     @property
     def names(self) -> list[str]:
         """Names of the columns: "q shoulder", "qd shoulder", "restitution", "kp elbow"; of a joint with several coordinates with a
@@ -1337,16 +1351,25 @@ class Sensitivity:
         and about the axes of its link. None if the derivatives end before.
         """
     @property
-    def events(self) -> list[dict[str, Any]]:
-        """The events with derivatives: dicts of time (s), kinds (names) and time_by, shape (columns,)."""
+    def events(self) -> list[Event]:
+        """The events of the run in the order of time, a list of Event, with the derivatives of their times: `Event.time_by`."""
     @property
     def broken(self) -> dict[str, Any] | None:
         """Where and why the derivatives end: a dict of time (s) and reason; None if they reach the end."""
 
 class Event:
     """An event of a run."""
+    @property
+    def time_by(self) -> _Vector | None:
+        """Derivatives of the time by the columns `Sensitivity.names`, shape (columns,), for the events of a Sensitivity; None for events of
+        runs and where the derivatives have ended.
+        """
+    @property
+    def loads(self) -> _EventLoads | None:
+        """The loads on the joints, for the kinds "impact", "several", "latch" and "limit" of `simulate(loads=True)`; else None. A dict as of
+        `Chain.impact_loads`, with motors_minus and motors_plus, the forces of the motors before and after (nv,), N m and N.
+        """
     def __new__(cls, _: Never, /) -> Self: ...
-    """An event of a run."""
     @property
     def time(self) -> float:
         """Time, s."""
@@ -1390,11 +1413,6 @@ class Study:
     columns and the classes.
     """
     def __new__(cls, _: Never, /) -> Self: ...
-    """A study: an impact map over poses, approach angles, speeds, coefficients and laws. Immutable.
-
-    Make one with `Study.from_file`, `Study.from_toml` or `Study.from_dict`; the page "Study keys" of the manual lists the keys, the
-    columns and the classes.
-    """
     @staticmethod
     def from_file(path: _Path) -> Study:
         """Reads a study file (TOML) and its robot.
@@ -1450,7 +1468,6 @@ class Study:
 class Fit:
     """The result of a fit."""
     def __new__(cls, _: Never, /) -> Self: ...
-    """The result of a fit."""
     @property
     def fitted_to(self) -> Literal["velocities", "trajectories"]:
         """What was fitted to: "velocities" or "trajectories"."""
@@ -1540,6 +1557,103 @@ def map(study: Study | _Path | Mapping[str, Any], out: None = None, *, folder: _
     """
 @overload
 def map(study: Study | _Path | Mapping[str, Any], out: _Path, *, folder: _Path = ".") -> None: ...
+def compare(
+    *,
+    delassus: ArrayLike | None = None,
+    u_minus: ArrayLike | None = None,
+    u_plus: ArrayLike | None = None,
+    chain: Chain | None = None,
+    q: ArrayLike | None = None,
+    qd_minus: ArrayLike | None = None,
+    qd_plus: ArrayLike | None = None,
+    frame: str | None = None,
+    point: ArrayLike | None = None,
+    normal: ArrayLike | None = None,
+    data: _Path | Sequence[_Path] | None = None,
+    name: str = "impacts",
+    folds: int = 5,
+    seed: int = 0,
+    max_friction: float = 1.0,
+    trials: int = 60,
+    fitted: int = 60,
+    horizon: Literal["whole", "early"] = "early",
+    judge: Literal["whole", "early"] = "whole",
+    tolerance: float = 1e-5,
+    contact_step: float = 1e-3,
+    length: float = 0.0524,
+) -> dict[str, Any]:
+    """Compares all impact laws on measured impacts: each law is fitted to the measurements outside a fold, and judged by those in it.
+
+    The measurements are those of ``fit``: velocities at the contact, or velocities of the joints of a chain; or published ones.
+
+    Args:
+        data: path of published measurements, or a list of paths, as for ``carom compare``.
+        name: of one's own measurements in the result.
+        folds: number of folds, 2 or more.
+        seed: of the folds, of the tosses that are fitted, and of the perturbed starts.
+        max_friction: largest friction of the search.
+        trials, fitted: sets of parameters that each model may try, and tosses to which it is fitted; of tosses and landings.
+        horizon, judge: part of the tosses whose error is fitted, and that is judged: "whole", or "early", to 0.1 s after the impact.
+        tolerance, contact_step, length: of the simulations of tosses and landings, and of the pose error (m).
+
+    Returns:
+        A dict of seed, folds, comparisons (a list of dicts with the JSON keys of ``carom compare --help``), markdown (the tables as a
+        text) and svg (pictures by set).
+
+    Raises:
+        FitError: too few measurements, an option out of its range, data that cannot be read.
+        TypeError: data of no or of several kinds.
+    """
+def tosses(
+    folder: _Path,
+    law: _AnyLaw,
+    *,
+    robot: str | None = None,
+    start: Literal["fitted", "given"] = "fitted",
+    length: float = 0.0524,
+    tolerance: float = 1e-9,
+    contact_step: float = 5e-4,
+) -> dict[str, Any]:
+    """Simulates measured tosses, and compares the poses.
+
+    Args:
+        folder: with tosses.csv and a URDF, as for `carom tosses`.
+        law: the impact law of all contacts, such as carom.Whittaker(0.0, 0.3).
+        robot: name of the URDF; by default the only one.
+        start: "fitted" to the flight before the first impact, or "given" by the first free sample.
+        length: L of the pose error, m: mean |Δp|²/L + mean Δθ² over the samples.
+        tolerance: of the integration, relative.
+        contact_step: length of a time step, where time steps are computed, s.
+
+    Returns:
+        A dict of tosses, failures, start, fitted_starts, at_rest, deepest_overlap (m), last and mean (errors of position (m), rotation and
+        joint (rad): mean and median over the tosses), whole and early (pose error: count, mean, median, below_half), each (a list of dicts).
+
+    Raises:
+        FitError: a folder that cannot be read, or none of whose tosses can be simulated; an option out of its range.
+    """
+def chart(
+    scene: Scene, *, budget: float = 10.0, stiffness: bool = False, title: str | None = None
+) -> dict[str, Any]:
+    """The error of every method that can run a scene, against its run time: event-driven integrators over their tolerance, time steps over
+    their length, compliant contacts over their stiffness.
+
+    Args:
+        scene: a Scene.
+        budget: longest run time of a single run, s.
+        stiffness: instead, the errors of the scene's compliant contacts against rigid ones, over a factor of all stiffnesses.
+        title: of the picture; by default the name of the robot.
+
+    Returns:
+        A dict of law, runs (method, law, knob, value, wall_time (s), after_impact, at_end), absent (method, reason),
+        doubt_after_impact and doubt_at_end (errors of the reference solution), csv and svg (texts); with stiffness of runs (factor,
+        after_impact, at_end), order_after_impact, order_at_end, theory, csv, svg.
+
+    Raises:
+        SimulationError: of the reference solution.
+        ValueError: a budget that is not positive, a scene with laws or a controller in Python; `stiffness` of a scene without compliant
+            contacts.
+    """
 def fit(
     *,
     delassus: ArrayLike | None = None,
