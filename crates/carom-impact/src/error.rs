@@ -65,68 +65,27 @@ pub enum ImpactError {
         value: f64,
     },
 
-    /// The Delassus matrix differs from its transpose.
-    #[error(
-        "delassus[{row}][{column}] = {upper} but delassus[{column}][{row}] = {lower}: the matrix \
-         must be symmetric within {allowed} (1e-8 of its largest entry); build it as J M^-1 J^T"
-    )]
-    NotSymmetric {
-        /// Row of the entry above the diagonal.
-        row: usize,
-        /// Column of the entry above the diagonal.
-        column: usize,
-        /// Entry above the diagonal (1/kg).
-        upper: f64,
-        /// The entry below the diagonal (1/kg).
-        lower: f64,
-        /// Largest difference allowed (1/kg).
-        allowed: f64,
-    },
+    /// A Delassus matrix that no mass distribution has: not square, not symmetric, or with a negative eigenvalue.
+    #[error("{0}")]
+    Matrix(String),
 
-    /// The Delassus matrix has a negative eigenvalue, which no mass distribution has.
-    #[error(
-        "the Delassus matrix is not positive semidefinite: eliminated from the normal upwards, \
-         its pivot at [{row}][{row}] is {pivot}, below -{allowed} (rounding); \
-         no mass distribution has it, check the mass matrix and the order of the contact axes"
-    )]
-    NotPositive {
-        /// Row of the negative pivot.
-        row: usize,
-        /// The pivot (1/kg).
-        pivot: f64,
-        /// How far below zero rounding may put a pivot (1/kg).
-        allowed: f64,
-    },
+    /// Sizes of matrices, vectors and lists that do not agree.
+    #[error("{0}")]
+    Sizes(String),
 
-    /// A coefficient of restitution outside [0, 1].
-    #[error("restitution {value} is outside [0, 1]: 0 is no rebound, 1 a full rebound")]
-    Restitution {
+    /// An order of sequential impacts that leaves out a constraint or names one that is not there.
+    #[error("the order {0}")]
+    Order(String),
+
+    /// A coefficient of a law is out of its range.
+    #[error("{what} {value} {rule}")]
+    Coefficient {
+        /// The coefficient: `restitution`, `tangential restitution`, `impulse ratio`, `friction`, or the `bound` of dry friction.
+        what: &'static str,
         /// The value given.
         value: f64,
-    },
-
-    /// A coefficient of tangential restitution outside [-1, 1].
-    #[error(
-        "tangential restitution {value} is outside [-1, 1]: -1 is no tangential impulse, 0 one that stops the slip, \
-         1 one that reverses it"
-    )]
-    TangentialRestitution {
-        /// The value given.
-        value: f64,
-    },
-
-    /// An impulse ratio that is NaN or infinite.
-    #[error("impulse ratio {value} is not finite: give tangential over normal impulse, negative against the slip")]
-    ImpulseRatio {
-        /// The value given.
-        value: f64,
-    },
-
-    /// A coefficient of friction that is negative, infinite or NaN.
-    #[error("friction {value} is not a finite number >= 0: give the Coulomb coefficient, 0 for none")]
-    Friction {
-        /// The value given.
-        value: f64,
+        /// The rule it breaks and a remedy.
+        rule: &'static str,
     },
 
     /// The normal direction is singular (`H_nn = 0`): the impulse would be infinite.
@@ -161,29 +120,6 @@ pub enum ImpactError {
         free_inverse_mass: f64,
     },
 
-    /// Sizes of an impact at several contacts that do not agree.
-    #[error(
-        "{what} has {found} rows, but the constraints have {expected}: a contact has three (tangents first, normal \
-         last), every other constraint one"
-    )]
-    Sizes {
-        /// What has the wrong size: `delassus`, `u_minus`, `u_free`, `warm_start`.
-        what: &'static str,
-        /// Rows of all constraints together.
-        expected: usize,
-        /// Rows found.
-        found: usize,
-    },
-
-    /// A Delassus matrix that is not square.
-    #[error("delassus is {rows} x {columns}: it must be square; build it as J M^-1 J^T")]
-    NotSquare {
-        /// Rows found.
-        rows: usize,
-        /// Columns found.
-        columns: usize,
-    },
-
     /// A coefficient of a constraint is out of its range.
     #[error("constraint {index}: {reason}")]
     Constraint {
@@ -191,35 +127,6 @@ pub enum ImpactError {
         index: usize,
         /// The rule that it breaks.
         reason: Box<ImpactError>,
-    },
-
-    /// A bound of dry friction that is negative, infinite or NaN.
-    #[error(
-        "bound {value} is not a finite number >= 0: give the largest impulse of dry friction, which is the joint's \
-         friction force times the time it acts; 0 for an instantaneous impact; for no bound use `Held`"
-    )]
-    Bound {
-        /// The value given (N s or N m s).
-        value: f64,
-    },
-
-    /// A contact with friction under a law that has none.
-    #[error(
-        "friction {value} has no part in the energetic law for several contacts: give 0, or choose the law of Moreau, \
-         of Glocker and Pfeiffer, or sequential impacts"
-    )]
-    WithoutFriction {
-        /// The coefficient given.
-        value: f64,
-    },
-
-    /// The number of stiffnesses does not fit the number of constraints.
-    #[error("{found} stiffnesses for {constraints} constraints: give one for each, or none if all are equal")]
-    Stiffnesses {
-        /// Stiffnesses given.
-        found: usize,
-        /// Number of constraints.
-        constraints: usize,
     },
 
     /// An impact under the energetic law for several contacts that does not end.
@@ -241,20 +148,6 @@ pub enum ImpactError {
         value: f64,
         /// The rule it breaks and a remedy.
         rule: &'static str,
-    },
-
-    /// The number of rows does not fit the number of compliant contacts.
-    #[error(
-        "{what} has {found} rows for {contacts} compliant contacts: each has one (its normal), two (in the plane) or \
-         three (in space), tangents first, normal last"
-    )]
-    CompliantSizes {
-        /// What has the wrong size: `delassus`, `u_minus`.
-        what: &'static str,
-        /// Rows found.
-        found: usize,
-        /// Number of contacts.
-        contacts: usize,
     },
 
     /// The integration of a compliant impact stopped before the impact ended.

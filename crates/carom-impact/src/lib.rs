@@ -109,6 +109,7 @@ mod least_norm;
 mod outcome;
 mod plane;
 mod problem;
+// Hidden: what only other crates of carom use.
 #[doc(hidden)]
 pub mod roots;
 mod rounding;
@@ -127,10 +128,13 @@ pub use error::ImpactError;
 pub use flags::Flags;
 pub use flow::{ImpulsePath, InvariantDirection, PathPoint};
 pub use laws::*;
+#[doc(hidden)]
 pub use least_norm::least_norm;
 pub use outcome::{Account, ImpactOutcome, Mode, Phase};
 pub use problem::ImpactProblem;
+#[doc(hidden)]
+pub use several::undetermined;
 pub use several::{
-    Accuracy, Constraint, EnergeticOutcome, Order, OrderError, OrderOutcome, OrderSet, PoissonOutcome,
-    SequentialOutcome, SeveralOutcome, SeveralProblem, Stiffnesses, undetermined,
+    Accuracy, Constraint, EnergeticOutcome, Order, OrderOutcome, OrderSet, PoissonOutcome, SequentialOutcome,
+    SeveralOutcome, SeveralProblem, Stiffnesses,
 };

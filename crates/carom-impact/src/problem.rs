@@ -9,7 +9,7 @@
 //! | μ_stick | 1 | `\|B\|/A`, least friction that keeps a contact sticking | `mu_stick` |
 //! | μ_jam | 1 | `C/\|B\|`, Painlevé's threshold | `mu_jam` |
 
-use nalgebra::{Dim, Matrix, Matrix3x2, RealField, SMatrix, SVector, StorageMut, Vector2, convert};
+use nalgebra::{DMatrix, Dim, Matrix, Matrix3x2, RealField, SMatrix, SVector, StorageMut, Vector2, convert};
 
 use crate::ImpactError;
 use crate::rounding::{CANCELLED, NULL_PIVOT, rounding};
@@ -36,9 +36,8 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
     /// # Errors
     ///
     /// - [`ImpactError::NotFinite`]: an entry is NaN or infinite.
-    /// - [`ImpactError::NotSymmetric`]: the matrix differs from its transpose by more than 1e-8 of its largest entry.
-    ///   Smaller differences are averaged.
-    /// - [`ImpactError::NotPositive`]: the matrix is not positive semidefinite within 1024 ε of its largest entry.
+    /// - [`ImpactError::Matrix`]: the matrix differs from its transpose by more than 1e-8 of its largest entry (smaller differences are
+    ///   averaged), or is not positive semidefinite within 1024 ε of its largest entry.
     pub fn new(delassus: SMatrix<T, D, D>, u_minus: SVector<T, D>) -> Result<Self, ImpactError> {
         const { assert!(D > 0 && D <= 3, "a contact has its normal and at most two tangents") };
         let mut h = delassus;
@@ -53,6 +52,7 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
     /// # Errors
     ///
     /// [`ImpactError::NotFinite`]: an entry is NaN or infinite.
+    #[doc(hidden)]
     #[inline(always)]
     pub fn from_gram(delassus: SMatrix<T, D, D>, u_minus: SVector<T, D>) -> Result<Self, ImpactError> {
         // A sum is finite only if no term is NaN or infinite.
@@ -240,6 +240,17 @@ impl<T: RealField + Copy> ImpactProblem<T, 2> {
     }
 }
 
+/// # Errors
+/// [`ImpactError::Matrix`] unless the matrix is square.
+pub(crate) fn check_square(delassus: &DMatrix<f64>) -> Result<(), ImpactError> {
+    let (rows, columns) = delassus.shape();
+    if rows == columns {
+        return Ok(());
+    }
+    let rule = "it must be square; build it as J M^-1 J^T";
+    Err(ImpactError::Matrix(format!("delassus is {rows} x {columns}: {rule}")))
+}
+
 /// Checks that a matrix of any size is finite, symmetric (small asymmetries are averaged) and positive semidefinite.
 pub(crate) fn check_delassus<T, D, S>(h: &mut Matrix<T, D, D, S>) -> Result<(), ImpactError>
 where
@@ -263,13 +274,13 @@ where
         for j in i + 1..size {
             let (upper, lower) = (h[(i, j)], h[(j, i)]);
             if (upper - lower).abs() > allowed {
-                return Err(ImpactError::NotSymmetric {
-                    row: i,
-                    column: j,
-                    upper: plain(upper),
-                    lower: plain(lower),
-                    allowed: plain(allowed),
-                });
+                return Err(ImpactError::Matrix(format!(
+                    "delassus[{i}][{j}] = {} but delassus[{j}][{i}] = {}: the matrix must be symmetric within {} (1e-8 of its largest \
+                     entry); build it as J M^-1 J^T",
+                    plain(upper),
+                    plain(lower),
+                    plain(allowed)
+                )));
             }
             // Halving the difference, not the sum, cannot overflow and leaves equals alone.
             let mean = lower + (upper - lower) * convert(0.5);
@@ -300,7 +311,12 @@ where
         return Ok(());
     };
     let (row, pivot) = negative_pivot(h.clone(), T::zero()).unwrap_or(found);
-    Err(ImpactError::NotPositive { row, pivot: plain(pivot), allowed: plain(allowed) })
+    Err(ImpactError::Matrix(format!(
+        "the Delassus matrix is not positive semidefinite: eliminated from the normal upwards, its pivot at [{row}][{row}] is {}, below \
+         -{} (rounding); no mass distribution has it, check the mass matrix and the order of the contact axes",
+        plain(pivot),
+        plain(allowed)
+    )))
 }
 
 /// First negative pivot of `H + shift 1`, eliminated from the normal upwards.

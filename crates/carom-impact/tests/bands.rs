@@ -112,7 +112,10 @@ fn invalid_ranges_are_refused() {
         |restitution, friction| problem.band(&law, &CoefficientRanges { restitution, friction }, &[vector![0.0, 1.0]]);
     assert!(band([0.6, 0.5], [0.0, 0.1]).unwrap_err().to_string().contains("range of restitution is 0.6 to 0.5"));
     assert!(band([0.5, 0.6], [0.0, f64::NAN]).unwrap_err().to_string().contains("friction"));
-    assert!(matches!(band([0.5, 1.2], [0.0, 0.1]), Err(ImpactError::Restitution { value: 1.2 })));
+    assert!(matches!(
+        band([0.5, 1.2], [0.0, 0.1]),
+        Err(ImpactError::Coefficient { what: "restitution", value: 1.2, .. })
+    ));
     let point = band([0.5, 0.5], [0.2, 0.2]).unwrap();
     assert!(point.exact && point.low == point.high);
     // No approach: no impulse.

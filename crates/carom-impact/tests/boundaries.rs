@@ -401,7 +401,7 @@ fn turning_slip_reaches_its_boundaries_with_margin_zero() {
 #[test]
 fn refusals_of_the_law_and_user_defined_laws_are_errors() {
     let refused = rod().boundaries(&Newton { restitution: 1.5, friction: 0.1 });
-    assert!(matches!(refused, Err(ImpactError::Restitution { value: 1.5 })), "{refused:?}");
+    assert!(matches!(refused, Err(ImpactError::Coefficient { what: "restitution", value: 1.5, .. })), "{refused:?}");
     let refused = rod().boundaries(&Foreign);
     assert!(matches!(refused, Err(ImpactError::NotDifferentiable { law: "foreign", .. })), "{refused:?}");
 }

@@ -77,7 +77,7 @@ fn rebound_obtained_is_the_inverse_of_the_root() {
 #[test]
 fn kelvin_voigt_rebound_depends_on_the_end_of_the_contact() {
     let clipped = KelvinVoigt::new(1e5, 0.5).unwrap();
-    let pulling = clipped.pulling();
+    let pulling = KelvinVoigt { pulls: true, ..clipped };
     let mass = 2.5;
     for (ratio, at_zero_depth, at_zero_force) in [(0.1, 0.7292, 0.7441), (0.5, 0.1630, 0.2984)] {
         let damping = ratio * 2.0 * (1e5_f64 * mass).sqrt();

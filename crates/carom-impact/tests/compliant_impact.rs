@@ -24,7 +24,7 @@ fn kelvin_voigt(stiffness: f64, e: f64) -> NormalForce {
 }
 
 fn pulling(stiffness: f64, e: f64) -> NormalForce {
-    NormalForce::KelvinVoigt(KelvinVoigt::new(stiffness, e).unwrap().pulling())
+    NormalForce::KelvinVoigt(KelvinVoigt { pulls: true, ..KelvinVoigt::new(stiffness, e).unwrap() })
 }
 
 fn walton_braun(stiffness: f64, e: f64) -> NormalForce {
@@ -70,7 +70,7 @@ fn every_normal_force_rebounds_with_its_coefficient() {
 fn integrated_rebounds_are_those_of_the_closed_equation() {
     for formula in Damping::ALL {
         for e in [0.2, 0.5, 0.9] {
-            let law = HuntCrossley::new(1e6, 1.5, e).unwrap().damped_after(formula);
+            let law = HuntCrossley { formula, ..HuntCrossley::new(1e6, 1.5, e).unwrap() };
             let hit = ball(NormalForce::HuntCrossley(law), 0.7, 0.3);
             let expected = restitution_obtained(formula.number(e).unwrap());
             close(formula.name(), hit.u_plus[0] / 0.3, expected, EXACT);
@@ -99,7 +99,7 @@ fn durations_and_peak_forces_are_the_closed_forms() {
         let z = clipped.damping_ratio();
         let phase = ball(NormalForce::KelvinVoigt(clipped), mass, v0).duration / period * (1.0 - z * z).sqrt();
         close("to F = 0", phase, 2.0 * z.acos(), 1e-7);
-        let pulling = clipped.pulling();
+        let pulling = KelvinVoigt { pulls: true, ..clipped };
         let z = pulling.damping_ratio();
         let phase = ball(NormalForce::KelvinVoigt(pulling), mass, v0).duration / period * (1.0 - z * z).sqrt();
         close("to d = 0", phase, PI, 1e-7);

@@ -135,7 +135,7 @@ fn oscillations_on_four_feet_decay_by_the_logarithmic_decrement() {
     let depth = M * G / (4.0 * k);
     let own_mass = 1.0 / (1.0 / M + B * B / IX + A * A / IY);
     let dashpot = 2.0 * (-e.ln() / PI.hypot(e.ln())) * (k * own_mass).sqrt();
-    let hunt = HuntCrossley::new(k, 1.0, 0.99).unwrap().damped_after(Damping::Exact).damping(1e-3) * k * depth;
+    let hunt = HuntCrossley::new(k, 1.0, 0.99).unwrap().damping(1e-3) * k * depth;
     let pulling =
         format!("restitution = {e}\ncompliance = {{ stiffness = {k:e}, force = \"kelvin-voigt\", pulls = true }}");
     let crossley = format!("restitution = 0.99\ncompliance = {{ stiffness = {k:e}, exponent = 1 }}");

@@ -28,7 +28,7 @@ use ivp::solout::{ControlFlag, SolOut};
 use nalgebra::{DMatrix, DVector, Vector2};
 
 use super::{NormalForce, TangentialForce};
-use crate::problem::{check_delassus, check_velocity};
+use crate::problem::{check_delassus, check_square, check_velocity};
 use crate::roots::{MOST_STEPS, bisect};
 use crate::{ImpactError, ImpactProblem};
 
@@ -96,7 +96,7 @@ impl CompliantOutcome {
 /// of the impulse, occasionally 1e-8 where a force ends within a step.
 ///
 /// # Errors
-/// - [`ImpactError::NotSquare`], [`ImpactError::CompliantSizes`]: sizes that do not agree.
+/// - [`ImpactError::Sizes`]: sizes that do not agree.
 /// - The errors of [`ImpactProblem::new`].
 /// - [`ImpactError::SingularNormal`]: a singular normal direction.
 /// - [`ImpactError::Unfinished`]: the impact does not end within ten million steps, for instance because friction
@@ -117,14 +117,14 @@ pub fn compliant_impact(
     u_minus: &DVector<f64>,
     contacts: &[(NormalForce, TangentialForce)],
 ) -> Result<CompliantOutcome, ImpactError> {
-    let (rows, columns) = delassus.shape();
-    if rows != columns {
-        return Err(ImpactError::NotSquare { rows, columns });
-    }
-    let count = contacts.len();
+    check_square(delassus)?;
+    let (rows, count) = (delassus.nrows(), contacts.len());
     for (what, found) in [("delassus", rows), ("u_minus", u_minus.len())] {
         if found != rows || !(1..=3).any(|each| each * count == found) {
-            return Err(ImpactError::CompliantSizes { what, found, contacts: count });
+            return Err(ImpactError::Sizes(format!(
+                "{what} has {found} rows for {count} compliant contacts: each has one (its normal), two (in the plane) or three (in \
+                 space), tangents first, normal last"
+            )));
         }
     }
     let mut delassus = delassus.clone();

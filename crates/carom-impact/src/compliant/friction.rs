@@ -39,7 +39,7 @@ impl SmoothedCoulomb {
     /// Friction μ, smoothed below `slip_speed` (m/s).
     ///
     /// # Errors
-    /// [`ImpactError::Friction`]; [`ImpactError::Compliance`] for a slip speed that is not positive and finite.
+    /// [`ImpactError::Coefficient`]; [`ImpactError::Compliance`] for a slip speed that is not positive and finite.
     pub fn new(friction: f64, slip_speed: f64) -> Result<Self, ImpactError> {
         check_friction(friction)?;
         check_positive("slip speed", slip_speed, POSITIVE)?;
@@ -103,7 +103,7 @@ impl Bristle {
     /// A bristle of `friction` μ, `stiffness` k (N/m) and `damping` c (N s/m).
     ///
     /// # Errors
-    /// [`ImpactError::Friction`]; [`ImpactError::Compliance`] for a stiffness or damping that is not positive and
+    /// [`ImpactError::Coefficient`]; [`ImpactError::Compliance`] for a stiffness or damping that is not positive and
     /// finite.
     pub fn new(friction: f64, stiffness: f64, damping: f64) -> Result<Self, ImpactError> {
         check_friction(friction)?;

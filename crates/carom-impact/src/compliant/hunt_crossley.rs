@@ -59,11 +59,6 @@ impl HuntCrossley {
         Ok(Self { stiffness, exponent, restitution, formula: Damping::Exact })
     }
 
-    /// The same contact with the damping of another formula.
-    pub const fn damped_after(self, formula: Damping) -> Self {
-        Self { formula, ..self }
-    }
-
     /// Damping a (s/m) for a contact that first touches at `approach_speed` v0 (m/s, positive); it is valid until
     /// separation. 0 for `approach_speed <= 0`; NaN if the fields hold values that [`HuntCrossley::new`] refuses.
     pub fn damping(&self, approach_speed: f64) -> f64 {

@@ -59,11 +59,6 @@ impl KelvinVoigt {
         Ok(Self { stiffness, restitution, pulls: false })
     }
 
-    /// The same contact, with a force that may pull until d = 0.
-    pub const fn pulling(self) -> Self {
-        Self { pulls: true, ..self }
-    }
-
     /// Damping c (N s/m) with which an `effective_mass` m (kg) rebounds with e.
     pub fn damping(&self, effective_mass: f64) -> f64 {
         2.0 * self.damping_ratio() * (self.stiffness * effective_mass).sqrt()

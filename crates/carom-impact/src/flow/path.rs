@@ -76,7 +76,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
     ///
     /// # Errors
     ///
-    /// - [`ImpactError::Friction`]: `friction` is out of range.
+    /// - [`ImpactError::Coefficient`]: `friction` is out of range.
     /// - [`ImpactError::NotFinite`]: `normal_impulse` is not finite, or a number on the path overflows.
     /// - [`ImpactError::SingularNormal`]: the normal direction is singular.
     /// - [`ImpactError::Wedged`]: the contact wedges before compression ends.
@@ -143,7 +143,7 @@ impl ImpactProblem<f64, 3> {
     ///
     /// # Errors
     ///
-    /// [`ImpactError::Friction`].
+    /// [`ImpactError::Coefficient`].
     ///
     /// **Source.** Bhatt and Koechling, J. Appl. Mech. 62 (1995) 893. Their number (by an astroid) is derived at the
     /// head of this module's source.

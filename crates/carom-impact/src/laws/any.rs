@@ -66,34 +66,25 @@ pub fn law_by_name<const D: usize>(
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AnyLaw<T = f64>(Kind<T>);
 
-/// The trait [`Law`] for a type with the trait [`Rule`].
-macro_rules! law {
+/// A type of the rows of the table.
+pub trait Own: Copy {
+    type Scalar: RealField + Copy;
+
+    fn any(self) -> AnyLaw<Self::Scalar>;
+}
+
+macro_rules! own {
     ($name:expr, $law:ident) => {
         impl<T> $law<T> {
             pub(crate) const NAME: &'static str = $name;
         }
 
-        impl<T: RealField + Copy, const D: usize> Law<T, D> for $law<T> {
-            fn name(&self) -> &'static str {
-                Self::NAME
-            }
+        impl<T: RealField + Copy> Own for $law<T> {
+            type Scalar = T;
 
-            fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-                Rule::resolve(self, problem)
-            }
-
-            fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
-                Rule::branches(self, problem)
-            }
-
-            fn known(&self) -> Option<AnyLaw<T>> {
-                Some((*self).into())
-            }
-        }
-
-        impl<T> From<$law<T>> for AnyLaw<T> {
-            fn from(law: $law<T>) -> Self {
-                Self(Kind::$law(law))
+            #[inline]
+            fn any(self) -> AnyLaw<T> {
+                AnyLaw(Kind::$law(self))
             }
         }
     };
@@ -128,6 +119,7 @@ macro_rules! laws {
 
         impl<T: RealField + Copy> AnyLaw<T> {
             /// The law called `name`, or `None` if there is none; see [`law_by_name`].
+            #[doc(hidden)]
             pub fn named(name: &str, coefficients: Coefficients<T>) -> Option<Self> {
                 Some(Self(match name {
                     $($name $(| $alias)* => Kind::$law($law { $($coefficient: coefficients.$coefficient),* }),)*
@@ -169,21 +161,66 @@ macro_rules! laws {
                     Kind::Brach(law) => law.family(problem),
                 }
             }
+        }
 
-            fn dynamic<const D: usize>(&self) -> &dyn Law<T, D> {
-                match &self.0 {
-                    $(Kind::$law(law) => law,)*
-                    Kind::Brach(law) => law,
+        impl<T: RealField + Copy, const D: usize> Law<T, D> for AnyLaw<T> {
+            fn name(&self) -> &'static str {
+                match self.0 {
+                    $(Kind::$law(_) => $name,)*
+                    Kind::Brach(_) => Brach::<T>::NAME,
                 }
+            }
+
+            #[inline]
+            fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+                match &self.0 {
+                    $(Kind::$law(law) => Rule::resolve(law, problem),)*
+                    Kind::Brach(law) => Rule::resolve(law, problem),
+                }
+            }
+
+            fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
+                match &self.0 {
+                    $(Kind::$law(law) => Rule::branches(law, problem),)*
+                    Kind::Brach(law) => Rule::branches(law, problem),
+                }
+            }
+
+            fn known(&self) -> Option<AnyLaw<T>> {
+                Some(*self)
             }
         }
 
-        $(law! { $name, $law })*
+        $(own! { $name, $law })*
     };
 }
 
 crate::law_table! { laws! }
-law! { BrachTowardsRest::<()>::NAME, Brach }
+own! { BrachTowardsRest::<()>::NAME, Brach }
+
+impl<T: RealField + Copy, L: Own<Scalar = T>> From<L> for AnyLaw<T> {
+    fn from(law: L) -> Self {
+        law.any()
+    }
+}
+
+impl<T: RealField + Copy, L: Own<Scalar = T>, const D: usize> Law<T, D> for L {
+    fn name(&self) -> &'static str {
+        Law::<T, D>::name(&self.any())
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        self.any().resolve(problem)
+    }
+
+    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
+        self.any().branches(problem)
+    }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(self.any())
+    }
+}
 
 impl<T: RealField + Copy> AnyLaw<T> {
     /// The path of an impact whose slip turns in space, for a law that follows it in time; `None` for others.
@@ -200,23 +237,5 @@ impl<T: RealField + Copy> AnyLaw<T> {
             Some(path) => path.impulse(problem),
             None => Ok(self.resolve(problem)?.impulse),
         }
-    }
-}
-
-impl<T: RealField + Copy, const D: usize> Law<T, D> for AnyLaw<T> {
-    fn name(&self) -> &'static str {
-        self.dynamic::<D>().name()
-    }
-
-    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-        self.dynamic::<D>().resolve(problem)
-    }
-
-    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
-        self.dynamic::<D>().branches(problem)
-    }
-
-    fn known(&self) -> Option<AnyLaw<T>> {
-        Some(*self)
     }
 }

@@ -90,7 +90,7 @@ pub trait Law<T: RealField + Copy, const D: usize> {
     ///
     /// # Errors
     ///
-    /// - [`ImpactError::Restitution`], [`ImpactError::Friction`] and others: a coefficient is out of its range.
+    /// - [`ImpactError::Coefficient`]: a coefficient is out of its range.
     /// - [`ImpactError::SingularNormal`]: the contact approaches along a singular normal direction (`H_nn = 0`).
     /// - [`ImpactError::Wedged`]: the contact wedges; only for singular H.
     /// - [`ImpactError::NotFinite`]: the impulse overflows.
@@ -213,7 +213,7 @@ impl<T> Family<T> {
     }
 }
 
-/// What the file of a law defines; everything else follows from its row in the table (`table.rs`).
+/// What the file of a law defines; everything else follows from its row of the table.
 pub(crate) trait Rule<T: RealField + Copy> {
     fn family<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Family<T>;
 
@@ -250,26 +250,33 @@ impl<T: RealField + Copy, L: OnPath<Scalar = T>> Rule<T> for L {
     }
 }
 
+/// # Errors
+/// [`ImpactError::Coefficient`], in any case.
+pub(crate) fn refuse<T: RealField + Copy>(what: &'static str, value: T, rule: &'static str) -> Result<(), ImpactError> {
+    Err(ImpactError::Coefficient { what, value: plain(value), rule })
+}
+
 pub(crate) fn check_restitution<T: RealField + Copy>(e: T) -> Result<(), ImpactError> {
     // Written so that NaN fails.
     if e >= T::zero() && e <= T::one() {
         return Ok(());
     }
-    Err(ImpactError::Restitution { value: plain(e) })
+    refuse("restitution", e, "is outside [0, 1]: 0 is no rebound, 1 a full rebound")
 }
 
 pub(crate) fn check_tangential_restitution<T: RealField + Copy>(e_t: T) -> Result<(), ImpactError> {
     if e_t >= -T::one() && e_t <= T::one() {
         return Ok(());
     }
-    Err(ImpactError::TangentialRestitution { value: plain(e_t) })
+    let rule = "is outside [-1, 1]: -1 is no tangential impulse, 0 one that stops the slip, 1 one that reverses it";
+    refuse("tangential restitution", e_t, rule)
 }
 
 pub(crate) fn check_impulse_ratio<T: RealField + Copy>(ratio: T) -> Result<(), ImpactError> {
     if ratio.is_finite() {
         return Ok(());
     }
-    Err(ImpactError::ImpulseRatio { value: plain(ratio) })
+    refuse("impulse ratio", ratio, "is not finite: give tangential over normal impulse, negative against the slip")
 }
 
 pub(crate) fn check_friction<T: RealField + Copy>(mu: T) -> Result<(), ImpactError> {
@@ -277,5 +284,5 @@ pub(crate) fn check_friction<T: RealField + Copy>(mu: T) -> Result<(), ImpactErr
     if mu >= T::zero() && mu * T::zero() == T::zero() {
         return Ok(());
     }
-    Err(ImpactError::Friction { value: plain(mu) })
+    refuse("friction", mu, "is not a finite number >= 0: give the Coulomb coefficient, 0 for none")
 }

@@ -69,11 +69,11 @@ use nalgebra::{DMatrix, DVector};
 pub use energetic::{EnergeticOutcome, Stiffnesses};
 pub use orders::{OrderOutcome, OrderSet};
 pub use poisson::PoissonOutcome;
-pub use sequential::{Order, OrderError, SequentialOutcome};
+pub use sequential::{Order, SequentialOutcome};
 pub use unique::undetermined;
 
-use crate::laws::{check_friction, check_restitution};
-use crate::problem::{check_delassus, check_velocity};
+use crate::laws::{check_friction, check_restitution, refuse};
+use crate::problem::{check_delassus, check_square, check_velocity};
 use crate::rounding::{CANCELLED, SOLVED};
 use crate::{Flags, ImpactError};
 
@@ -104,6 +104,7 @@ pub enum Constraint {
 
 impl Constraint {
     /// Number of rows: 3 for a contact, otherwise 1.
+    #[doc(hidden)]
     pub const fn rows(&self) -> usize {
         match self {
             Self::Contact { .. } => 3,
@@ -128,7 +129,11 @@ impl Constraint {
             Self::Stop { restitution } => check_restitution(restitution),
             // Written so that NaN fails.
             Self::Dry { bound } if bound >= 0.0 && bound.is_finite() => Ok(()),
-            Self::Dry { bound } => Err(ImpactError::Bound { value: bound }),
+            Self::Dry { bound } => {
+                let rule = "is not a finite number >= 0: give the largest impulse of dry friction, which is the joint's \
+                            friction force times the time it acts; 0 for an instantaneous impact; for no bound use `Held`";
+                refuse("bound", bound, rule)
+            }
             Self::Held => Ok(()),
         }
     }
@@ -168,9 +173,10 @@ impl SeveralProblem {
     ///
     /// # Errors
     ///
-    /// - [`ImpactError::NotSquare`], [`ImpactError::Sizes`]: sizes that do not agree.
-    /// - [`ImpactError::NotFinite`], [`ImpactError::NotSymmetric`] (within 1e-8 of the largest entry),
-    ///   [`ImpactError::NotPositive`] (within rounding): the matrix or the velocity is invalid.
+    /// - [`ImpactError::Sizes`]: sizes that do not agree.
+    /// - [`ImpactError::Matrix`]: the matrix is not square, symmetric (within 1e-8 of the largest entry) and positive semidefinite
+    ///   (within rounding).
+    /// - [`ImpactError::NotFinite`]: an entry of the matrix or of the velocity.
     /// - [`ImpactError::Constraint`]: a coefficient is out of its range.
     pub fn new(
         mut delassus: DMatrix<f64>,
@@ -266,6 +272,7 @@ impl SeveralProblem {
     /// The rounding error of the velocities that these impulses give, relative to the largest velocity before, as
     /// [`SeveralOutcome::residual`] is: no smaller residual means anything. It is large where impulses cancel that are many orders
     /// of magnitude above those that the velocities before need, as in a sequence of sub-impacts that gains energy without end.
+    #[doc(hidden)]
     pub fn rounding(&self, impulse: &DVector<f64>) -> f64 {
         let speed = self.u_minus.amax().max(self.u_free.amax());
         let passed = (self.delassus.abs() * impulse.abs()).amax();
@@ -273,6 +280,7 @@ impl SeveralProblem {
     }
 
     /// The same problem with all coefficients of restitution zero.
+    #[doc(hidden)]
     pub fn without_restitution(&self) -> Self {
         self.inelastic(1.0)
     }
@@ -330,12 +338,9 @@ pub struct SeveralOutcome {
 }
 
 fn check_rows(delassus: &DMatrix<f64>, u: &DVector<f64>, constraints: &[Constraint]) -> Result<(), ImpactError> {
-    let (rows, columns) = delassus.shape();
-    if rows != columns {
-        return Err(ImpactError::NotSquare { rows, columns });
-    }
+    check_square(delassus)?;
     let expected = constraints.iter().map(Constraint::rows).sum();
-    check_size("delassus", expected, rows)?;
+    check_size("delassus", expected, delassus.nrows())?;
     check_size("u_minus", expected, u.len())?;
     for (index, constraint) in constraints.iter().enumerate() {
         constraint.check().map_err(|reason| ImpactError::Constraint { index, reason: Box::new(reason) })?;
@@ -344,5 +349,11 @@ fn check_rows(delassus: &DMatrix<f64>, u: &DVector<f64>, constraints: &[Constrai
 }
 
 fn check_size(what: &'static str, expected: usize, found: usize) -> Result<(), ImpactError> {
-    if found == expected { Ok(()) } else { Err(ImpactError::Sizes { what, expected, found }) }
+    if found == expected {
+        return Ok(());
+    }
+    Err(ImpactError::Sizes(format!(
+        "{what} has {found} rows, but the constraints have {expected}: a contact has three (tangents first, normal last), every other \
+         constraint one"
+    )))
 }

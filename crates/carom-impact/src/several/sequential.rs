@@ -6,8 +6,8 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
 
 use super::block::{Block, nothing};
 use super::{Accuracy, Constraint, SeveralProblem};
-use crate::Flags;
 use crate::rounding::{RANK, SOLVED};
+use crate::{Flags, ImpactError};
 
 /// The rule that selects the next constraint.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -19,26 +19,6 @@ pub enum Order {
     /// The constraint with the largest approach velocity, in the unit of its row; the first of those that are equal up to rounding,
     /// with [`Flags::NON_UNIQUE`] if one of these changes the velocity of another.
     MostApproaching,
-}
-
-/// Why an order was refused.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum OrderError {
-    /// An index without a constraint.
-    #[error("the order contains constraint {index}, but there are {count}, counted from 0")]
-    Unknown {
-        /// The index given.
-        index: usize,
-        /// Number of constraints.
-        count: usize,
-    },
-    /// A constraint that is not `Held` and not in the list.
-    #[error("the order does not contain constraint {index}: list every constraint that is not held")]
-    Missing {
-        /// Index of the first one left out.
-        index: usize,
-    },
 }
 
 /// Outcome of [`SeveralProblem::sequential`].
@@ -98,7 +78,7 @@ impl SeveralProblem {
     ///
     /// # Errors
     ///
-    /// [`OrderError::Unknown`], [`OrderError::Missing`].
+    /// [`ImpactError::Order`].
     ///
     /// ```
     /// use carom_impact::{Accuracy, Constraint, Order, SeveralProblem};
@@ -112,16 +92,18 @@ impl SeveralProblem {
     /// assert_eq!((hit.sub_impacts, hit.finished), (2, true));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn sequential(&self, order: &Order, accuracy: &Accuracy) -> Result<SequentialOutcome, OrderError> {
+    pub fn sequential(&self, order: &Order, accuracy: &Accuracy) -> Result<SequentialOutcome, ImpactError> {
         if let Order::Cycle(list) = order {
             let count = self.constraints.len();
             if let Some(&index) = list.iter().find(|&&index| index >= count) {
-                return Err(OrderError::Unknown { index, count });
+                let problem = format!("contains constraint {index}, but there are {count}, counted from 0");
+                return Err(ImpactError::Order(problem));
             }
             let listed: BTreeSet<_> = list.iter().copied().collect();
             let left_out = |&k: &usize| self.constraints[k] != Constraint::Held && !listed.contains(&k);
             if let Some(index) = (0..count).find(left_out) {
-                return Err(OrderError::Missing { index });
+                let problem = format!("does not contain constraint {index}: list every constraint that is not held");
+                return Err(ImpactError::Order(problem));
             }
         }
         Ok(self.sequence(&Reduced::new(self), order, accuracy))

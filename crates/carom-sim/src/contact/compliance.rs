@@ -126,9 +126,10 @@ impl Compliance {
     pub(crate) fn normal(&self, restitution: f64) -> Result<NormalForce, ImpactError> {
         let k = self.stiffness;
         Ok(match self.normal {
-            Yielding::HuntCrossley { exponent, damping } => {
-                NormalForce::HuntCrossley(HuntCrossley::new(k, exponent, restitution)?.damped_after(damping))
-            }
+            Yielding::HuntCrossley { exponent, damping } => NormalForce::HuntCrossley(HuntCrossley {
+                formula: damping,
+                ..HuntCrossley::new(k, exponent, restitution)?
+            }),
             Yielding::KelvinVoigt { pulls } => {
                 NormalForce::KelvinVoigt(KelvinVoigt { pulls, ..KelvinVoigt::new(k, restitution)? })
             }

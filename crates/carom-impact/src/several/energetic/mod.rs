@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::sequential::Reduced;
 use super::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
+use crate::laws::refuse;
 use crate::rounding::RANK;
 use crate::{Flags, ImpactError};
 use motion::{Motion, Pressed};
@@ -39,7 +40,9 @@ impl Stiffnesses<'_> {
             return refuse("exponent", self.exponent, rule);
         }
         if !self.ratios.is_empty() && self.ratios.len() != constraints {
-            return Err(ImpactError::Stiffnesses { found: self.ratios.len(), constraints });
+            let found = self.ratios.len();
+            let rule = "give one for each, or none if all are equal";
+            return Err(ImpactError::Sizes(format!("{found} stiffnesses for {constraints} constraints: {rule}")));
         }
         match self.ratios.iter().find(|value| !(**value > 0.0 && value.is_finite())) {
             Some(&value) => {
@@ -116,8 +119,8 @@ impl SeveralProblem {
     ///
     /// # Errors
     ///
-    /// - [`ImpactError::Constraint`] with [`ImpactError::WithoutFriction`]: a contact has friction.
-    /// - [`ImpactError::Compliance`], [`ImpactError::Stiffnesses`]: invalid `stiffnesses`.
+    /// - [`ImpactError::Constraint`]: a contact has friction.
+    /// - [`ImpactError::Compliance`], [`ImpactError::Sizes`]: invalid `stiffnesses`.
     /// - [`ImpactError::SingularNormal`]: a contact approaches whose velocity no impulse changes.
     /// - [`ImpactError::Endless`]: the impact does not end.
     ///
@@ -139,8 +142,10 @@ impl SeveralProblem {
             if let Constraint::Contact { friction, .. } = *constraint
                 && friction > 0.0
             {
-                let reason = Box::new(ImpactError::WithoutFriction { value: friction });
-                return Err(ImpactError::Constraint { index, reason });
+                let rule = "has no part in the energetic law for several contacts: give 0, or choose the law of Moreau, of Glocker and \
+                            Pfeiffer, or sequential impacts";
+                refuse("friction", friction, rule)
+                    .map_err(|reason| ImpactError::Constraint { index, reason: Box::new(reason) })?;
             }
         }
         let impact = Self { u_free: self.u_minus.clone(), ..self.clone() };
