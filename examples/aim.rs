@@ -7,7 +7,7 @@
 //!
 //! `cargo run --release --example aim`, then `rerun aim.rrd`
 
-use carom::Chain;
+use carom::chain::Chain;
 use carom::chain::Coordinates;
 use carom::nalgebra::{DVector, Matrix3xX, Quaternion, UnitQuaternion, Vector3};
 #[cfg(feature = "rerun")]

@@ -2,8 +2,8 @@
 //!
 //! A ball of 2 kg on a vertical slider is to be held 0.3 m above a floor onto which it falls at first.
 
+use carom::prelude::{Chain, Newton, Obstacle};
 use carom::sim::{ContactRule, Controller, Drive, Observed, SimError, Simulation, Surface, Touch};
-use carom::{Chain, Newton, Obstacle};
 use nalgebra::Vector3;
 
 const WANTED: f64 = 0.3;

@@ -3,7 +3,7 @@
 //!
 //! `cargo run --example planar2`, then `rerun planar2.rrd`
 
-use carom::Chain;
+use carom::chain::Chain;
 use carom_evidence::paper::{self, Run};
 use std::fmt::Write;
 

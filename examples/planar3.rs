@@ -3,7 +3,7 @@
 //!
 //! `cargo run --example planar3`
 
-use carom::Chain;
+use carom::chain::Chain;
 use carom::study::{SelfMotionPoint, self_motion};
 use nalgebra::Vector3;
 

@@ -5,11 +5,11 @@
 
 use carom::contact::Obstacle;
 use carom::nalgebra::Vector3;
+use carom::prelude::{Chain, Energetic, SimError};
 use carom::sim::{
     ContactMode, ContactRule, Drive, Event, EventKind, ImpactInvariant, Pd, Simulation, Surface, Touch, Trajectory,
     Transition,
 };
-use carom::{Chain, Energetic, SimError};
 use carom_evidence::paper::{Elbow, strike};
 
 const URDF: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf");

@@ -4,7 +4,7 @@
 //! `planar2`, `planar3`: uniform links in the xy plane. `panda7`: the published inertial parameters of a seven-joint arm
 //! with hand. `chain10`: ten joints with random frames and inertias.
 
-use carom::{Chain, Frictionless, Impacts, Kinematics};
+use carom::prelude::{Chain, FrameId, Frictionless, Impacts, Kinematics};
 use carom_chain::Spatial;
 use carom_chain::urdf::LoadOptions;
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -114,7 +114,7 @@ impl Reference {
     fn gravity(&self) -> Vector3<f64> {
         Vector3::from_column_slice(&numbers(&self.json["gravity"]))
     }
-    fn tip(&self) -> carom::FrameId {
+    fn tip(&self) -> FrameId {
         self.chain.frame(text(&self.json["tip_frame"])).unwrap()
     }
 }

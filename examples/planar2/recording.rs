@@ -3,10 +3,10 @@
 //! Per elbow pose: `/up/map` (where the tip would reverse), `/up/wall`, `/up/links`, `/up/path/…`,
 //! `/up/impulse`, `/up/velocity/…`; time series under `/series`; the table as a text document.
 
+use carom::chain::{Chain, ChainError, Spatial, Workspace};
 use carom::record::rerun::{self, RecordingStream, blueprint as view, blueprint::components::PanelState};
 use carom::sim::{Moment, free_motion};
 use carom::study::{Approach, MapPoint, Part, tangential_map};
-use carom::{Chain, ChainError, Workspace, chain::Spatial};
 use carom_evidence::paper::Run;
 use nalgebra::{Vector2, Vector3};
 use std::error::Error;

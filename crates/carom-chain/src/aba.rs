@@ -19,10 +19,10 @@
 
 use crate::algebra::{Algebra, Articulated, Axis, Force, Inertia, Motion};
 use crate::body::Point;
-use crate::delassus::singular;
 use crate::error::ChainError;
 use crate::kinematics::Kinematics;
 use crate::prepare::ParentSlot;
+use crate::rounding::rounding;
 use crate::scratch::{Flow, Free, Link};
 use nalgebra::{DMatrix, Dim, Matrix, RawStorageMut, RealField};
 use num_traits::{One, Zero};
@@ -39,6 +39,7 @@ impl<'b, A: Algebra> Kinematics<'b, A> {
     ///
     /// # Errors
     /// [`ChainError::Coupled`] for a chain with mimic joints.
+    #[doc(hidden)]
     pub fn articulate(&mut self) -> Result<Articulation<'_, 'b, A>, ChainError> {
         self.articulate_with(&[])
     }
@@ -93,7 +94,7 @@ where
     /// the composite inertia of the joint's subtree.
     pub(crate) fn articulate_checked(&mut self, added: &[A::Scalar]) -> Result<Articulation<'_, 'b, A>, ChainError> {
         self.composites();
-        let rounding: A::Scalar = singular();
+        let rounding: A::Scalar = rounding();
         let size = |(link, composite): (&Link<A>, &Inertia<A>)| match link.axis {
             Axis::Turn(z) => A::dot_angular(z, z) * A::trace(composite.rotational),
             Axis::Slide(z) => A::dot(z, z) * composite.mass,

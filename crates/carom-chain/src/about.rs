@@ -1,6 +1,6 @@
 //! The joints and links of the file, as far as they do not depend on the algebra.
 
-use crate::urdf::{Collision, JointType, Limits, LoadReport, NamedPose, Visual};
+use crate::urdf::{JointType, Limits, Link, LoadReport, NamedPose};
 use std::ops::Range;
 
 /// Which entries of q and qd belong to a joint.
@@ -60,23 +60,12 @@ pub struct JointInfo {
     pub coordinates: Coordinates,
 }
 
-/// A link of the file with its geometry. This crate stores the geometry and does not use it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LinkInfo {
-    /// Its name.
-    pub name: String,
-    /// Collision shapes, in link axes.
-    pub collisions: Vec<Collision>,
-    /// Visual shapes, in link axes.
-    pub visuals: Vec<Visual>,
-}
-
 /// The part of the model that does not depend on the algebra.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct About {
     pub name: String,
     pub joints: Vec<JointInfo>,
-    pub links: Vec<LinkInfo>,
+    pub links: Vec<Link>,
     pub total_mass: f64,
     pub report: LoadReport,
     /// Pairs of links that make no contact.

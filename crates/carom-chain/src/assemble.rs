@@ -3,7 +3,7 @@
 //!
 //! Only [`weld`] merges bodies; loading a URDF and [locking](crate::Chain::lock) joints both call it.
 
-use crate::about::{About, Coordinates, JointInfo, LinkInfo};
+use crate::about::{About, Coordinates, JointInfo};
 use crate::algebra::{Algebra, Inertia, Pose, Spatial, SpatialJoint, Symmetric3, z_onto};
 use crate::body::{Body, Frame};
 use crate::chain::Chain;
@@ -280,10 +280,7 @@ fn about(robot: &Robot, links: usize, coordinates: Vec<Coordinates>) -> About {
     About {
         name: robot.name.clone(),
         joints: joints.collect(),
-        links: robot.links[..links]
-            .iter()
-            .map(|l| LinkInfo { name: l.name.clone(), collisions: l.collisions.clone(), visuals: l.visuals.clone() })
-            .collect(),
+        links: robot.links[..links].to_vec(),
         total_mass: robot.links.iter().filter_map(|l| l.inertial).fold(0.0, |sum, i| sum + i.mass),
         report: robot.report.clone(),
         disabled_pairs: robot.disabled_pairs.clone(),

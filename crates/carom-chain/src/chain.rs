@@ -12,14 +12,14 @@
 //! are numbered depth first. A mimic joint is a body that shares the coordinate of the joint it mimics: position =
 //! ratio · q + shift. Every joint of the recursions therefore has one degree of freedom. Without mimic joints n = nv.
 
-use crate::about::{About, Coordinates, JointCoordinate, JointInfo, LinkInfo, Member};
+use crate::about::{About, Coordinates, JointCoordinate, JointInfo, Member};
 use crate::algebra::{Algebra, Inertia, Pose, Real, Spatial};
 use crate::body::{Body, Frame, FrameId, Point};
 use crate::delassus::Structure;
 use crate::error::ChainError;
 use crate::planarize::PlanarChain;
 use crate::prepare::PreparedBody;
-use crate::urdf::{LoadReport, NamedPose, suggestion};
+use crate::urdf::{Link, LoadReport, NamedPose, suggestion};
 use num_traits::Zero;
 use std::sync::{Arc, OnceLock};
 
@@ -64,6 +64,7 @@ impl<A: Algebra> Chain<A> {
         self.nv
     }
     /// The bodies, parents first.
+    #[doc(hidden)]
     pub fn bodies(&self) -> &[Body<A>] {
         &self.bodies
     }
@@ -75,8 +76,8 @@ impl<A: Algebra> Chain<A> {
     pub fn joints(&self) -> &[JointInfo] {
         &self.about.joints
     }
-    /// The links of the file, in its order.
-    pub fn links(&self) -> &[LinkInfo] {
+    /// The links of the file, as it describes them, in its order.
+    pub fn links(&self) -> &[Link] {
         &self.about.links
     }
     /// Sum of the masses of all links in the file, the fixed base included, kg.
@@ -89,6 +90,7 @@ impl<A: Algebra> Chain<A> {
     }
     /// The pairs of links between which the SRDF disables collisions
     /// ([`LoadOptions::srdf`](crate::urdf::LoadOptions::srdf)).
+    #[doc(hidden)]
     pub fn disabled_pairs(&self) -> &[[String; 2]] {
         &self.about.disabled_pairs
     }
@@ -120,11 +122,13 @@ impl<A: Algebra> Chain<A> {
     ///
     /// # Errors
     /// [`ChainError::Massless`] with [`Chain::massless_links`].
+    #[doc(hidden)]
     pub fn check_dynamics(&self) -> Result<(), ChainError> {
         let links: Vec<String> = self.massless_links().into_iter().map(|link| format!("'{link}'")).collect();
         if links.is_empty() { Ok(()) } else { Err(ChainError::Massless { chain: self.name().into(), links }) }
     }
     /// Whether the chain has mimic joints, so that several bodies share one coordinate.
+    #[doc(hidden)]
     pub fn is_coupled(&self) -> bool {
         self.bodies.len() != self.nv
     }
@@ -145,6 +149,7 @@ impl<A: Algebra> Chain<A> {
     ///
     /// # Panics
     /// May panic if the handle belongs to another chain.
+    #[doc(hidden)]
     pub fn frame_name(&self, frame: FrameId) -> &str {
         &self.frames[frame.0].name
     }
@@ -162,6 +167,7 @@ impl<A: Algebra> Chain<A> {
 
     /// The coordinate with which a joint moves, its own or that of the joint which it mimics; `None` for fixed joints and for those with
     /// several coordinates.
+    #[doc(hidden)]
     pub fn coordinate_of(&self, joint: &JointInfo) -> Option<JointCoordinate> {
         match &joint.coordinates {
             Coordinates::Own { q, v } if v.len() == 1 => {
@@ -183,6 +189,7 @@ impl<A: Algebra> Chain<A> {
     /// assert!(chain.joint_of_velocity(2).is_none());
     /// # Ok::<(), carom_chain::ChainError>(())
     /// ```
+    #[doc(hidden)]
     pub fn joint_of_velocity(&self, index: usize) -> Option<&JointInfo> {
         let owns = |j: &&JointInfo| matches!(&j.coordinates, Coordinates::Own { v, .. } if v.contains(&index));
         self.about.joints.iter().find(owns)
@@ -325,6 +332,7 @@ impl<A: Algebra> Chain<A> {
     }
 
     /// The reflected inertia of the rotor of each velocity coordinate: see [`Chain::with_rotor_inertia`].
+    #[doc(hidden)]
     pub fn rotor_inertias(&self) -> Vec<A::Scalar> {
         let mut inertias = vec![A::Scalar::zero(); self.nv];
         self.bodies.iter().for_each(|body| inertias[body.v_index] += body.rotor);

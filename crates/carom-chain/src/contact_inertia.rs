@@ -11,9 +11,10 @@
 
 use crate::algebra::{Algebra, Force};
 use crate::body::Point;
-use crate::delassus::{PointResponse, singular};
+use crate::delassus::PointResponse;
 use crate::error::ChainError;
 use crate::kinematics::Kinematics;
+use crate::rounding::ROUNDING;
 use nalgebra::{DMatrix, DVector, RealField};
 use num_traits::{One, Zero};
 
@@ -36,6 +37,7 @@ pub struct ContactInertia {
 
 impl ContactInertia {
     /// The inertia of the chain at a contact.
+    #[doc(hidden)]
     pub fn of<A: Algebra<Scalar = f64>>(contact: PointResponse<A>) -> Self {
         let (rows, nv) = (A::LINEAR, contact.reduced_jacobian.len());
         let part = |v: A::Vector, i: usize| A::linear_part(v, i);
@@ -59,7 +61,7 @@ impl ContactInertia {
         };
         principal.sort_by(|a: &(DVector<f64>, f64), b| b.1.total_cmp(&a.1));
         // What the chain's levers could give decides, also where no joint moves the point and all of E is rounding.
-        let tolerance = factor.norm().max(contact.mobility_of_levers().sqrt()) * singular::<f64>();
+        let tolerance = factor.norm().max(contact.mobility_of_levers().sqrt()) * ROUNDING;
         let rank = principal.iter().filter(|p| p.1 > tolerance).count();
         let response = DMatrix::from_fn(nv, rows, |k, i| part(contact.response[k], i));
         Self { delassus: &factor * factor.transpose(), principal, rank, response, tolerance }
@@ -95,6 +97,7 @@ where
     ///
     /// # Errors
     /// [`ChainError::NoLockedInertia`], for example for a straight chain of thin rods and a point beside its axis.
+    #[doc(hidden)]
     pub fn locked_delassus(&mut self, point: Point<A>) -> Result<DMatrix<A::Scalar>, ChainError> {
         let mut h = DMatrix::zeros(A::LINEAR, A::LINEAR);
         let Some(body) = point.body else { return Ok(h) };
@@ -139,21 +142,5 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
     /// [`ChainError::NoInertia`] where M is singular.
     pub fn contact_inertia(&mut self, point: Point<A>) -> Result<ContactInertia, ChainError> {
         Ok(ContactInertia::of(self.contact(point, A::zero(), &[])?))
-    }
-
-    /// As [`Self::contact_inertia`], with inertia `added` to the diagonal of M: one number per velocity coordinate (kg m² or
-    /// kg, 0 or more), for impedance-weighted joints. Infinite inertia locks the coordinate, and its row of the response is
-    /// zero.
-    ///
-    /// # Errors
-    /// [`ChainError::WrongLength`]; [`ChainError::OutOfRange`] for a number that is negative or NaN;
-    /// [`ChainError::NoInertia`] where M is singular.
-    pub fn contact_inertia_with(&mut self, point: Point<A>, added: &[f64]) -> Result<ContactInertia, ChainError> {
-        self.chain.check_nv("added inertia", added.len())?;
-        if let Some(&value) = added.iter().find(|x| x.is_nan() || **x < 0.0) {
-            let rule = "it must be 0 or more, or infinite to lock the joint";
-            return Err(ChainError::OutOfRange { what: "added inertia", value, rule });
-        }
-        Ok(ContactInertia::of(self.contact(point, A::zero(), added)?))
     }
 }

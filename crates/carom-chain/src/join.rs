@@ -3,13 +3,13 @@
 //! M of the joined chain is block diagonal, one block for each robot, and an impulse on one robot moves no other. The
 //! factorisation of M, the recursions and H use the tree, so the zeros cost nothing.
 
-use crate::about::{About, Coordinates, JointInfo, LinkInfo, Member};
+use crate::about::{About, Coordinates, JointInfo, Member};
 use crate::algebra::{Pose, Spatial};
 use crate::assemble::pose_of;
 use crate::body::{Body, Frame};
 use crate::chain::Chain;
 use crate::error::ChainError;
-use crate::urdf::{LoadReport, Repair};
+use crate::urdf::{Link, LoadReport, Repair};
 use nalgebra::Isometry3;
 use std::sync::Arc;
 
@@ -89,7 +89,7 @@ impl Chain {
                 ..joint.clone()
             }));
             let links = chain.links().iter();
-            about.links.extend(links.map(|it| LinkInfo { name: full(&it.name), ..it.clone() }));
+            about.links.extend(links.map(|it| Link { name: full(&it.name), ..it.clone() }));
             let pairs = chain.disabled_pairs().iter();
             about.disabled_pairs.extend(pairs.map(|pair| pair.each_ref().map(|link| full(link))));
             about.total_mass += chain.total_mass();

@@ -137,6 +137,7 @@ impl<A: Algebra> Workspace<A> {
     }
 
     /// The result of the last [`Kinematics::contact`].
+    #[doc(hidden)]
     pub fn contact(&self) -> PointResponse<'_, A> {
         self.response.response()
     }
@@ -317,6 +318,7 @@ impl<A: Algebra> Kinematics<'_, A> {
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
+    #[doc(hidden)]
     pub fn drifts(&mut self, qd: &[A::Scalar]) -> Result<Drifts<'_, A>, ChainError> {
         self.chain.check_nv("qd", qd.len())?;
         let base = Flow::base(A::zero());

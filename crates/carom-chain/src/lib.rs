@@ -35,6 +35,7 @@ mod planarize;
 mod prepare;
 mod reduce;
 mod rnea;
+mod rounding;
 mod scratch;
 mod solve;
 mod specialised;
@@ -43,27 +44,30 @@ mod tool;
 pub mod urdf;
 mod wrench;
 
-pub use aba::Articulation;
-pub use about::{Coordinates, JointCoordinate, JointInfo, LinkInfo, Member};
+pub use about::{Coordinates, JointInfo, Member};
 pub use algebra::{Planar, Spatial};
-pub use body::{Body, Frame, FrameId, FramePoint, Point};
+pub use body::{Frame, FrameId, FramePoint, Point};
 pub use chain::Chain;
 pub use contact_inertia::ContactInertia;
-pub use delassus::{ContactPoint, Keep, Kept, PointResponse, ResponseMemory, Rows, Visit};
+pub use delassus::PointResponse;
 pub use error::ChainError;
-pub use generate::{uniform_chain, uniform_chain_urdf};
+pub use generate::uniform_chain;
 pub use join::Placed;
-pub use kinematics::{Drifts, Kinematics, Workspace};
+pub use kinematics::{Kinematics, Workspace};
 pub use planarize::{PlanarChain, Plane};
 pub use reduce::Reduced;
-pub use state::OutsideLimit;
 pub use tool::ToolMotion;
 pub use wrench::JointWrench;
 
-// For the other crates of this repository and its tests.
+// Hidden: what only the other crates of carom and its tests use.
 #[doc(hidden)]
-pub use prepare::{Angle, HingeAngles};
-#[doc(hidden)]
-pub use specialised::planar_row::PlanarRow;
-#[doc(hidden)]
-pub use specialised::sine;
+pub use {
+    aba::Articulation,
+    about::JointCoordinate,
+    body::Body,
+    delassus::{ContactPoint, Keep, Kept, ResponseMemory, Rows, Visit},
+    generate::uniform_chain_urdf,
+    kinematics::Drifts,
+    prepare::{Angle, HingeAngles},
+    specialised::{planar_row::PlanarRow, sine},
+};

@@ -8,13 +8,11 @@ use crate::algebra::{Inertia, Planar, PlanarJoint, Pose, Spatial, SpatialJoint, 
 use crate::body::{Body, Frame, FrameId, Point};
 use crate::chain::Chain;
 use crate::error::ChainError;
+use crate::rounding::ROUNDING;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// Tolerance on parallel and perpendicular axes (sine of the angle): the rounding of numbers of 10 digits in a file.
 const ALIGNED: f64 = 1e-9;
-
-/// Sine of the angle of axes that are aligned up to rounding.
-const ROUNDED: f64 = 64.0 * f64::EPSILON;
 
 /// A plane through the world's origin, with axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,6 +67,7 @@ impl PlanarChain {
     ///
     /// # Panics
     /// May panic if the handle belongs to another chain.
+    #[doc(hidden)]
     pub fn lift_pose(&self, frame: FrameId, shadow: &Pose<Planar<f64>>) -> Pose<Spatial<f64>> {
         let Plane { x, y, normal } = self.plane;
         let (cos, sin) = (shadow.rotation.cos, shadow.rotation.sin);
@@ -84,7 +83,7 @@ impl Chain {
     /// The same chain in the plane, if it is planar up to rounding: all of its axes are parallel or perpendicular within
     /// 64 ε. Computed at the first call and kept with the chain.
     pub fn in_plane(&self) -> Option<&PlanarChain> {
-        let rounded = |flat: &PlanarChain| flat.tilt <= ROUNDED;
+        let rounded = |flat: &PlanarChain| flat.tilt <= ROUNDING;
         self.flat.0.get_or_init(|| self.to_planar().ok().filter(rounded)).as_ref()
     }
 
@@ -106,6 +105,7 @@ impl Chain {
     ///
     /// # Errors
     /// [`ChainError::NotReducible`], which names the joint that leaves the plane.
+    #[doc(hidden)]
     pub fn to_planar_within(&self, tolerance: f64) -> Result<PlanarChain, ChainError> {
         let aligned = ALIGNED.max(tolerance.sin());
         // World poses while every joint is at zero.

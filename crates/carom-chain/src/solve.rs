@@ -2,9 +2,10 @@
 //! joints.
 
 use crate::algebra::Algebra;
-use crate::delassus::{Dense, singular};
+use crate::delassus::Dense;
 use crate::error::ChainError;
 use crate::kinematics::Kinematics;
+use crate::rounding::rounding;
 use nalgebra::{DVector, RealField, convert, try_convert};
 use std::cmp::Ordering;
 
@@ -78,7 +79,7 @@ where
         });
         let squares = self.ws.links.iter().map(|link| A::dot(link.offset, link.offset));
         let is_far = |square: &A::Scalar| {
-            let near = *square * singular() <= own;
+            let near = *square * rounding() <= own;
             !near // true for NaN too
         };
         let far = squares.filter(is_far).max_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));

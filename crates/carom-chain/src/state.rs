@@ -31,28 +31,6 @@ use crate::chain::Chain;
 use crate::error::ChainError;
 use crate::urdf::JointType;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use std::fmt;
-
-/// A joint position outside its limits.
-#[derive(Debug, Clone, PartialEq)]
-pub struct OutsideLimit {
-    /// Name of the joint.
-    pub joint: String,
-    /// Its position, in `unit`.
-    pub position: f64,
-    /// The limit that is exceeded, in `unit`.
-    pub limit: f64,
-    /// `rad` or `m`.
-    pub unit: &'static str,
-}
-
-impl fmt::Display for OutsideLimit {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let Self { joint, position, limit, unit } = self;
-        let side = if position < limit { "below" } else { "above" };
-        write!(f, "joint '{joint}' is at {position} {unit}, {side} its limit {limit} {unit}")
-    }
-}
 
 impl<A: Algebra> Chain<A> {
     /// Checks `q` and `qd`: lengths, finite numbers, unit quaternions.
@@ -69,6 +47,7 @@ impl<A: Algebra> Chain<A> {
     ///
     /// # Errors
     /// As [`Chain::check_state`].
+    #[doc(hidden)]
     pub fn check_q(&self, q: &[f64]) -> Result<(), ChainError> {
         self.check_nq(q.len())?;
         check_finite("q", q)?;
@@ -85,13 +64,15 @@ impl<A: Algebra> Chain<A> {
     ///
     /// # Errors
     /// [`ChainError::WrongLength`], [`ChainError::NotFinite`].
+    #[doc(hidden)]
     pub fn check_v(&self, what: &'static str, numbers: &[f64]) -> Result<(), ChainError> {
         self.check_nv(what, numbers.len())?;
         check_finite(what, numbers)
     }
 
-    /// The joints of one degree of freedom, mimic joints included, whose position at `q` is outside their limits.
-    pub fn outside_limits(&self, q: &[f64]) -> Vec<OutsideLimit> {
+    /// The joints of one degree of freedom, mimic joints included, whose position at `q` is outside their limits: their names, each with
+    /// a sentence.
+    pub fn outside_limits(&self, q: &[f64]) -> Vec<(&str, String)> {
         let mut outside = Vec::new();
         for joint in self.joints() {
             let position = match &joint.coordinates {
@@ -110,7 +91,8 @@ impl<A: Algebra> Chain<A> {
                 _ => continue,
             };
             let unit = if joint.kind == JointType::Prismatic { "m" } else { "rad" };
-            outside.push(OutsideLimit { joint: joint.name.clone(), position, limit, unit });
+            let (name, side) = (joint.name.as_str(), if position < limit { "below" } else { "above" });
+            outside.push((name, format!("joint '{name}' is at {position} {unit}, {side} its limit {limit} {unit}")));
         }
         outside
     }
@@ -165,6 +147,7 @@ impl Chain {
     ///
     /// # Panics
     /// If a slice is too short.
+    #[doc(hidden)]
     pub fn q_rate_into(&self, q: &[f64], qd: &[f64], rate: &mut [f64]) {
         for body in self.bodies() {
             let (at, v) = (body.q_index, body.v_index);

@@ -5,7 +5,7 @@
 //! their largest entry. Solves with M lose accuracy by its condition number (up to about 1e4).
 
 use crate::common::{Sample, Zoo, close, q_rate, sample, solve};
-use carom_chain::{Chain, Kinematics, Spatial};
+use carom_chain::{Chain, ContactInertia, Kinematics, Spatial};
 use nalgebra::{DMatrix, DVector, Vector3};
 use num_dual::Dual64;
 use proptest::prelude::*;
@@ -390,7 +390,7 @@ proptest! {
         }).collect();
         let mut ws = s.chain.workspace();
         let mut kin = ws.update(&s.chain, &q).unwrap();
-        let inertia = kin.contact_inertia_with(tip, &added).unwrap();
+        let inertia = ContactInertia::of(kin.contact(tip, Vector3::zeros(), &added).unwrap());
         let free: Vec<usize> = (0..nv).filter(|&k| added[k].is_finite()).collect();
         let (m, j) = (kin.mass_matrix(), kin.point_jacobian(tip));
         let m = DMatrix::from_fn(free.len(), free.len(), |a, b| {
@@ -411,7 +411,7 @@ proptest! {
             }
         }
         // Zero added inertia changes nothing.
-        let without = kin.contact_inertia_with(tip, &vec![0.0; nv]).unwrap();
+        let without = ContactInertia::of(kin.contact(tip, Vector3::zeros(), &vec![0.0; nv]).unwrap());
         prop_assert_eq!(without.delassus, kin.contact_inertia(tip).unwrap().delassus);
     }
 

@@ -221,8 +221,8 @@ pub struct LimitWarnings {
 
 impl LimitWarnings {
     pub fn check(&mut self, chain: &Chain, q: &[f64], place: &Place) {
-        for outside in chain.outside_limits(q) {
-            if self.said.insert(outside.joint.clone()) {
+        for (joint, outside) in chain.outside_limits(q) {
+            if self.said.insert(joint.to_owned()) {
                 say(&format!("warning: {}:{}: {outside} (said once for this joint)", place.file, place.line));
             }
         }

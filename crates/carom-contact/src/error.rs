@@ -13,8 +13,8 @@ pub enum ContactError {
         owner: String,
         /// Path of the file.
         file: PathBuf,
-        /// The error in it.
-        fault: MeshFault,
+        /// What is wrong with it, and what to do.
+        fault: String,
     },
     /// A length, radius or side that is not positive and finite.
     #[error("{owner}: {what} is {value}: it must be positive and finite")]
@@ -38,35 +38,4 @@ pub enum ContactError {
         /// The rule that it breaks.
         rule: &'static str,
     },
-}
-
-/// An error in a mesh.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum MeshFault {
-    /// The file cannot be read or is not in the format of its extension; or an index of a vertex is out of range.
-    #[error("cannot be read: {0}")]
-    Unreadable(String),
-    /// The file was not found when the robot was loaded.
-    #[error(
-        "is not found; {0}. Correct the path, or name the folder of its package: --package-dir, in scenes package_dirs"
-    )]
-    Missing(String),
-    /// The extension is not stl, dae or obj.
-    #[error("has the file type '{0}', which is not supported: give an stl, dae or obj file")]
-    UnknownKind(String),
-    /// The mesh has no triangle of non-zero area.
-    #[error("has no triangle of non-zero area ({0} triangles in the file): give a mesh with triangles, or a box")]
-    NoTriangles(usize),
-    /// A coordinate is NaN or infinite.
-    #[error("has a vertex ({}, {}, {}) after scaling (vertex {index}, counted from 0): every coordinate must be finite", at[0], at[1], at[2])]
-    NotFinite {
-        /// Index of the vertex, from 0.
-        index: usize,
-        /// Its coordinates after scaling, m.
-        at: [f64; 3],
-    },
-    /// A factor of the scale is zero or not finite.
-    #[error("has the scale ({}, {}, {}): each factor must be finite and not zero", .0[0], .0[1], .0[2])]
-    Scale([f64; 3]),
 }

@@ -61,19 +61,23 @@ mod separation;
 mod shape;
 mod solid;
 
-pub use error::{ContactError, MeshFault};
-pub use gap::{Gap, contact_point, gap, gap_between, gap_points, gap_rate};
-pub use hull::Hull;
+pub use error::ContactError;
+pub use gap::{Gap, contact_point, gap, gap_between, gap_rate};
 pub use mesh::Mesh;
-pub use obstacle::{Obstacle, Surface};
-pub use reach::{LeftOut, apart, out_of_reach};
-pub use shape::{LinkShape, found_shapes, link_shapes, shapes_of_link};
-pub use solid::{Corner, Solid};
+pub use obstacle::Obstacle;
+pub use reach::{LeftOut, out_of_reach};
+pub use shape::{LinkShape, link_shapes};
 
-/// The contacts of parts of two bodies, for carom-sim.
+// Hidden: what only carom-sim, studies and recordings use, such as the contacts of parts of two bodies.
 #[doc(hidden)]
 pub use {
+    gap::gap_points,
+    hull::Hull,
     meeting::{Meeting, Met, Placed, Slide},
+    obstacle::Surface,
     parts::{Part, Parts},
+    reach::apart,
     separation::Separation,
+    shape::{found_shapes, shapes_of_link},
+    solid::{Corner, Solid},
 };

@@ -1,7 +1,7 @@
 //! Fixed obstacles: half-spaces, boxes, spheres, cylinders, capsules and meshes.
 
-use crate::error::{ContactError, MeshFault};
-use crate::mesh::Mesh;
+use crate::error::ContactError;
+use crate::mesh::{Mesh, TRIANGLES, no_triangles};
 use crate::parry::Triangles;
 use crate::shape::{pose_of, solid};
 use crate::solid::Solid;
@@ -119,8 +119,8 @@ impl Obstacle {
         let triangles = Triangles::new(mesh.vertices(), mesh.triangles(), mesh.is_closed());
         let triangles = triangles.ok_or_else(|| ContactError::Mesh {
             owner: OWNER.into(),
-            file: "<triangles>".into(),
-            fault: MeshFault::NoTriangles(mesh.triangles().len()),
+            file: TRIANGLES.into(),
+            fault: no_triangles(mesh.triangles().len()),
         })?;
         Ok(Self { surface: Surface::Mesh { pose, mesh }, pose: place, triangles: Some(triangles) })
     }
@@ -131,6 +131,7 @@ impl Obstacle {
     }
 
     /// The geometry.
+    #[doc(hidden)]
     pub fn surface(&self) -> &Surface {
         &self.surface
     }

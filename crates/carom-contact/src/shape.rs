@@ -1,6 +1,6 @@
 //! Collision shapes of a chain's links, prepared for gaps: sizes checked, meshes read and replaced by their convex hulls.
 
-use crate::error::{ContactError, MeshFault};
+use crate::error::ContactError;
 use crate::hull::Hull;
 use crate::mesh::Mesh;
 use crate::solid::{Corner, Solid};
@@ -67,6 +67,7 @@ impl LinkShape {
     ///
     /// # Errors
     /// [`ContactError::Size`], [`ContactError::Mesh`].
+    #[doc(hidden)]
     pub fn new(link: &str, frame: FrameId, collision: &Collision) -> Result<Self, ContactError> {
         let solid = solid(&format!("link '{link}'"), &collision.shape)?;
         let origin = pose_of(&collision.origin);
@@ -86,15 +87,18 @@ impl LinkShape {
         self.frame
     }
     /// Pose of the body's axes in the link's frame, m.
+    #[doc(hidden)]
     pub fn origin(&self) -> &Pose<Spatial<f64>> {
         &self.origin
     }
     /// The body, in its own axes.
+    #[doc(hidden)]
     pub fn solid(&self) -> &Solid {
         &self.solid
     }
 
     /// The points on which the body can rest, in the link's frame: see [`Solid::corners`].
+    #[doc(hidden)]
     pub fn corners(&self) -> Vec<Corner> {
         let mut corners = self.solid.corners();
         corners.iter_mut().for_each(|corner| corner.position = self.origin.point(corner.position));
@@ -119,7 +123,9 @@ pub(crate) fn solid(owner: &str, shape: &Shape) -> Result<Solid, ContactError> {
             Solid::Box { half: size / 2.0 }
         }
         Shape::MissingMesh { name, tried } => {
-            let fault = MeshFault::Missing(tried.clone());
+            let fault = format!(
+                "is not found; {tried}. Correct the path, or name the folder of its package: --package-dir, in scenes package_dirs"
+            );
             return Err(ContactError::Mesh { owner: owner.into(), file: name.into(), fault });
         }
         Shape::Mesh { file, scale } => Solid::Hull(Hull::of(&Mesh::read(file, *scale, owner)?)),

@@ -56,6 +56,7 @@ pub struct Corner {
 /// Number of points that represent each rim of a cylinder in [`Solid::corners`].
 pub(crate) const RIM: usize = 8;
 
+#[doc(hidden)]
 impl Solid {
     /// The height m · x of the body's lowest point along the unit direction `m`, m, and that point, in body axes. Of several
     /// lowest points it is a fixed one: the corner towards the negative axes, a capsule's or cylinder's end at −z, the point

@@ -434,7 +434,7 @@ impl Chain {
     /// The positions of joints of one degree of freedom that are outside their limits at q (shape (nq,)), one sentence each.
     fn outside_limits(&self, q: Given) -> PyResult<Vec<String>> {
         let q = self.q(q)?;
-        Ok(self.chain.outside_limits(q.plain().row(0)).iter().map(ToString::to_string).collect())
+        Ok(self.chain.outside_limits(q.plain().row(0)).into_iter().map(|(_, why)| why).collect())
     }
 
     /// q, or the pair (q, v), in the order and the coordinates of a Pinocchio model of the same file: children sorted by the

@@ -51,14 +51,19 @@ pub use model::{
     Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint, Observed, Parameter, Pd,
     Reference, RobotDrive, Simulation, Spring, TorqueTable, Tracking, Transition, Wrench, WrenchAxes,
 };
-pub use motion::{ContactState, NonUnique, free_motion, free_motion_at};
+pub use motion::{ContactState, NonUnique, free_motion};
 pub use plan::{Bounded, Decision, Plan};
 pub use run::{
-    Advance, AtContact, Broken, EnergyBooks, Event, EventKind, EventLoads, EventTime, LinearRun, NamedEvent, Sampling,
-    Seen, Segment, Sensitivity, Session, SessionState, Statistics, StepReason, StopReason, Summary, Trajectory,
-    UnderLaw,
+    Advance, Broken, EnergyBooks, Event, EventKind, EventLoads, EventTime, LinearRun, Sampling, Seen, Segment,
+    Sensitivity, Session, SessionState, Statistics, StepReason, StopReason, Summary, Trajectory,
 };
 pub use scene::{Distribution, Perturbation, Scene};
-#[doc(hidden)]
-pub use scene::{from_toml, keys};
 pub use state::{ContactImpulse, Moment, Profile};
+
+// Hidden: what only the command line, the Python package and the studies use.
+#[doc(hidden)]
+pub use {
+    motion::free_motion_at,
+    run::{AtContact, NamedEvent, UnderLaw},
+    scene::{from_toml, keys},
+};

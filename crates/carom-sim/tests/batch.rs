@@ -54,7 +54,7 @@ fn check_batch<A: Algebra<Scalar = f64>>(chain: &Chain<A>, point: Point<A>, norm
         let parts = |v: &A::Vector| (0..linear).map(|i| A::linear_part(*v, i)).collect::<Vec<_>>();
         assert_eq!(at(&qd_plus), jump.qd_plus);
         assert_eq!(at(&impulse), [jump.impulse]);
-        let found = jump.memory.response();
+        let found = jump.response();
         assert_eq!(at(&delassus), found.delassus[..linear].iter().flat_map(parts).collect::<Vec<_>>());
         assert_eq!(at(&jacobian), found.jacobian.iter().flat_map(parts).collect::<Vec<_>>());
         assert_eq!(at(&mass_matrix), found.mass_matrix);

@@ -19,15 +19,21 @@ mod table;
 #[doc(hidden)] // for carom-evidence
 pub mod tosses;
 
-pub use diagram::{Diagram, LawPoint, Mark, Shape, Stroke, Symbol, hodograph, impulse_space, routh_diagram};
+pub use diagram::{Diagram, LawPoint, hodograph, impulse_space, routh_diagram};
 pub use ensemble::{ALL_THE_SAME, Run, ensemble, run_columns};
 pub use impact_map::{Approach, MapPoint, tangential_map};
-#[doc(hidden)] // shared with the other crates of this workspace that write files
-pub use part::{Part, remove_unfinished, write_whole};
-pub use scene_table::{
-    SCENE_KEY, STUDY_KEY, contact_columns, contact_row, coordinate_columns, load_columns, load_rows, motor_columns,
-    state_columns,
-};
 pub use self_motion::{SelfMotionPoint, self_motion};
-pub use table::{Column, Table, TableError};
+pub use table::{Column, TableError};
 pub use tosses::{Horizon, PoseError, RollOut, RollOutOptions, Start, Toss, TossError, TossReport, Tosses};
+
+// Hidden: what only the other crates of carom use.
+#[doc(hidden)]
+pub use {
+    diagram::{Mark, Shape, Stroke, Symbol},
+    part::{Part, remove_unfinished, write_whole},
+    scene_table::{
+        SCENE_KEY, STUDY_KEY, contact_columns, contact_row, coordinate_columns, load_columns, load_rows, motor_columns,
+        state_columns,
+    },
+    table::Table,
+};

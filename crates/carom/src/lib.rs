@@ -10,8 +10,6 @@ pub use carom_study as study;
 /// The crate of the vectors and matrices in the public interface.
 pub use nalgebra;
 
-pub use prelude::*;
-
 /// The names that most programs need: `use carom::prelude::*;`
 pub mod prelude {
     pub use carom_chain::{

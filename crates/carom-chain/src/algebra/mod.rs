@@ -24,11 +24,11 @@ mod spatial;
 mod symmetric;
 
 pub use planar::Planar;
-pub use spatial::{Spatial, SpatialJoint};
+pub use spatial::Spatial;
 #[doc(hidden)]
 pub use {
     planar::{PlanarArticulated, PlanarJoint, Turn},
-    spatial::{SpatialArticulated, z_onto},
+    spatial::{SpatialArticulated, SpatialJoint, z_onto},
     symmetric::Symmetric3,
 };
 
@@ -267,6 +267,7 @@ pub enum Axis<A: Algebra> {
 }
 
 /// A rigid body's inertia about a reference point.
+#[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inertia<A: Algebra> {
     /// Mass, kg.

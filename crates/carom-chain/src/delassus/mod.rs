@@ -53,7 +53,6 @@ use crate::error::ChainError;
 use crate::prepare::{Angle, ByBody, Hinge, HingeAngles, PreparedBody};
 use crate::specialised::sine::{sin_cos, sin_cos_by_pairs, sin_cos_of_two};
 use fused::{At, BodyAt, Memory, Poses, read, row_length};
-use nalgebra::{SimdRealField, convert};
 use num_traits::Zero;
 pub use response::PointResponse;
 pub use rows::Rows;
@@ -65,11 +64,6 @@ pub(crate) use view::Dense;
 
 /// Largest number of bodies of the fused pass, which forms M: from here on the recursion is faster.
 pub(crate) const LONG: usize = 48;
-
-/// A pivot or a direction whose size is below this share of the terms that cancel in it counts as zero: their rounding. 64 covers the operations of a chain of some dozens of bodies; a chain in regular position is far above it.
-pub(crate) fn singular<T: SimdRealField>() -> T {
-    convert::<f64, T>(64.0) * T::simd_default_epsilon()
-}
 
 /// A contact point of a chain. It refers to the chain and holds no other memory.
 #[derive(Debug, Clone, Copy)]
@@ -148,6 +142,7 @@ impl<A: Algebra> Default for ResponseMemory<A> {
 impl<A: Algebra> Chain<A> {
     /// Whether [`ContactPoint::visit`] is the fastest route: neither mimic joints nor more than some 48 bodies. Otherwise
     /// [`Kinematics::contact`](crate::Kinematics::contact) is.
+    #[doc(hidden)]
     pub fn has_fused_pass(&self) -> bool {
         !self.is_coupled() && self.bodies.len() <= LONG
     }
@@ -156,6 +151,7 @@ impl<A: Algebra> Chain<A> {
     ///
     /// # Errors
     /// [`ChainError::Coupled`] for a chain with mimic joints; [`ChainError::FixedPoint`] for a point of the world.
+    #[doc(hidden)]
     #[inline]
     pub fn contact_point(&self, point: Point<A>) -> Result<ContactPoint<'_, A>, ChainError> {
         match point.body {

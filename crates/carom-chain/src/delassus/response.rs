@@ -18,9 +18,12 @@ pub struct PointResponse<'a, A: Algebra> {
     /// nᵀHn: the velocity of the point along the normal after a unit impulse along it, 1/kg.
     pub mobility: A::Scalar,
     /// The nv rows yₖ of Y: H = Σ yₖ yₖᵀ / Dₖ.
+    #[doc(hidden)]
     pub reduced_jacobian: &'a [A::Vector],
     /// 1/Dₖ by coordinate; 0 for locked joints and for joints that the impulse cannot move.
+    #[doc(hidden)]
     pub inverse_d: &'a [A::Scalar],
     /// The nv levers lₖ: the rounding error of column k of J is some ε of lₖ, also where the lengths cancel; m, or 1 for a slider.
+    #[doc(hidden)]
     pub levers: &'a [A::Scalar],
 }

@@ -11,12 +11,13 @@
 //! then costs two products for each of them, and its inward half only those on the way from its contact to the world. For
 //! chains with mimic joints M is factored as a whole.
 
+use super::LONG;
 use super::topology::{Topology, Tree};
-use super::{LONG, singular};
 use crate::algebra::Algebra;
 use crate::chain::Chain;
 use crate::error::ChainError;
 use crate::kinematics::{Kinematics, Workspace};
+use crate::rounding::ROUNDING;
 use nalgebra::DMatrix;
 
 /// From this number of rows on the factor is written out: it costs as much as some three sweeps.
@@ -105,6 +106,7 @@ impl Rows {
     }
 }
 
+#[doc(hidden)]
 impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
     /// Sets those entries of a row to zero that are rounding: a joint whose axis meets the line of a contact normal does not move the
     /// contact along it, but its entry is a difference of lengths. The row is the velocity, along a direction of length `size`, of a
@@ -112,7 +114,7 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
     /// within 64 ε of what the geometry could give: reach plus that distance for a hinge, 1 for a joint that slides.
     pub fn clear_rounding(&self, from_origin: f64, size: f64, row: &mut [f64]) {
         let structure = &self.chain().structure;
-        let (lever, noise) = (structure.reach + from_origin, singular::<f64>() * size);
+        let (lever, noise) = (structure.reach + from_origin, ROUNDING * size);
         for (entry, [turns, slides]) in row.iter_mut().zip(&structure.turns_and_slides) {
             if entry.abs() <= noise * (turns * lever + slides) {
                 *entry = 0.0;

@@ -2,13 +2,14 @@
 
 use super::fused::{Memory, eliminate, row_length};
 use super::topology::Row;
-use super::{ContactPoint, Keep, LONG, PointResponse, ResponseMemory, singular};
+use super::{ContactPoint, Keep, LONG, PointResponse, ResponseMemory};
 use crate::aba::Articulation;
 use crate::algebra::Algebra;
 use crate::body::Point;
 use crate::error::ChainError;
 use crate::kinematics::Kinematics;
 use crate::prepare::Subspace;
+use crate::rounding::rounding;
 use nalgebra::{DMatrixViewMut, RealField, SMatrix, convert};
 use num_traits::{One, Zero};
 
@@ -66,13 +67,13 @@ where
     /// Whether an impulse along the normal moves the point along it: √(nᵀHn) > 64 ε √(Σ lₖ²/Dₖ). `false` for NaN.
     #[inline(always)]
     pub fn moves(&self) -> bool {
-        self.mobility > self.mobility_of_levers() * singular::<A::Scalar>() * singular()
+        self.mobility > self.mobility_of_levers() * rounding::<A::Scalar>() * rounding()
     }
 
     /// Σ lₖ²/Dₖ, 1/kg: the mobility of the same chain with its levers along the direction. No mobility of the point is larger,
     /// and one of (64 ε)² of it is rounding.
     #[inline(always)]
-    pub fn mobility_of_levers(&self) -> A::Scalar {
+    pub(crate) fn mobility_of_levers(&self) -> A::Scalar {
         let mut sum = A::Scalar::zero();
         for (lever, inverse_d) in self.levers.iter().zip(self.inverse_d) {
             sum += *lever * (*lever * *inverse_d);
@@ -83,6 +84,7 @@ where
     /// Whether H, rotated into contact axes, is regular beyond doubt: its least eigenvalue, which is more than det H/(tr H)^(D−1), is
     /// far above the rounding of its trace, which a rotation spreads over all entries, and its trace far above the rounding of the
     /// levers. Otherwise [`Self::delassus_in`] has the rank of H.
+    #[doc(hidden)]
     #[inline(always)]
     pub fn is_regular<const D: usize>(&self, h: &SMatrix<A::Scalar, D, D>) -> bool {
         /// √ε: half of the digits of the least eigenvalue are left.
@@ -105,7 +107,7 @@ where
         let mut h = SMatrix::zeros();
         let rows = self.reduced_jacobian.iter().zip(self.inverse_d).zip(self.levers);
         for ((y, inverse_d), lever) in rows {
-            let rounding = *lever * singular();
+            let rounding = *lever * rounding();
             let along = axes.map(|axis| {
                 let along = A::dot(*y, axis);
                 let still = along <= rounding && along >= -rounding; // false for NaN
@@ -118,7 +120,7 @@ where
                 }
             }
         }
-        let nothing = self.mobility_of_levers() * singular::<A::Scalar>() * singular();
+        let nothing = self.mobility_of_levers() * rounding::<A::Scalar>() * rounding();
         let moves: [bool; D] = std::array::from_fn(|i| h[(i, i)] > nothing);
         for i in 0..D {
             for j in 0..=i {
@@ -133,6 +135,7 @@ where
 
     /// Whether some joint may move no inertia: its D is below 1e-6 of its diagonal entry of M, or not a number.
     /// [`Kinematics::check_inertia`] decides.
+    #[doc(hidden)]
     #[inline(always)]
     pub fn is_doubtful(&self) -> bool {
         let n = self.inverse_d.len();
@@ -202,6 +205,7 @@ where
     /// # Errors
     /// As [`Self::contact`]; [`ChainError::Coupled`] for a chain with mimic joints; [`ChainError::FixedPoint`] for a point of the
     /// world.
+    #[doc(hidden)]
     pub fn contact_and_mass_matrix_into(
         &mut self,
         point: Point<A>,
@@ -222,6 +226,7 @@ where
     ///
     /// # Errors
     /// [`ChainError::NoInertia`] with the joint.
+    #[doc(hidden)]
     pub fn check_inertia(&mut self, added: &[A::Scalar]) -> Result<(), ChainError> {
         if self.chain.is_coupled() { self.dense(added).map(|_| ()) } else { self.articulate_checked(added).map(|_| ()) }
     }
@@ -239,7 +244,7 @@ where
         self.full(Point { body: None, position: A::zero() }, A::zero(), added, &mut memory);
         let contact = memory.response();
         for (v, own) in contact.mass_matrix.iter().step_by(self.chain.nv + 1).enumerate() {
-            let moves_inertia = *own * contact.inverse_d[v] * singular() < A::Scalar::one(); // false for NaN too
+            let moves_inertia = *own * contact.inverse_d[v] * rounding() < A::Scalar::one(); // false for NaN too
             if !moves_inertia {
                 return Err(self.no_inertia(v));
             }

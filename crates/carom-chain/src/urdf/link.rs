@@ -16,6 +16,7 @@ use super::source::{Source, own_child};
 use super::tree::Tree;
 use super::warnings::Warnings;
 use crate::error::ChainError;
+use crate::rounding::ROUNDING;
 use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Vector3};
 use std::collections::BTreeMap;
 
@@ -31,10 +32,6 @@ const ITERATED: f64 = 1e-12;
 
 /// Radius of gyration below which a negative moment is rounding, whatever the other moments are, m.
 const TINY: f64 = 1e-9;
-
-/// Rounding of a moment relative to m L², for a mass m and a length L of the robot: a moment about the centre of mass is the
-/// difference of moments about other points of the robot. 64 covers the operations of such a computation.
-const LEVER: f64 = 64.0 * f64::EPSILON;
 
 /// An `<inertial>` that can be used.
 #[derive(Default)]
@@ -148,7 +145,8 @@ fn has_negative_moment(
 
 /// Greatest negative moment that is rounding, for the greatest moment `c` and the mass of a body, kg m².
 fn rounding(c: f64, mass: f64, reach: f64) -> f64 {
-    EXACT * c.max(0.0) + mass * (TINY * TINY + LEVER * reach * reach)
+    // a moment about the centre of mass is the difference of moments about other points of the robot
+    EXACT * c.max(0.0) + mass * (TINY * TINY + ROUNDING * reach * reach)
 }
 
 /// The inertia in link axes.

@@ -5,7 +5,7 @@ mod obj;
 mod polygon;
 mod soup;
 
-use crate::error::{ContactError, MeshFault};
+use crate::error::ContactError;
 use carom_chain::input::{MESSAGE, read_bytes, read_text, shortened};
 use nalgebra::Vector3;
 use soup::Soup;
@@ -24,6 +24,14 @@ pub struct Mesh {
     closed: bool,
 }
 
+/// Stands for the file of a mesh that has none.
+pub(crate) const TRIANGLES: &str = "<triangles>";
+
+/// What is wrong with a mesh without a triangle of non-zero area.
+pub(crate) fn no_triangles(count: usize) -> String {
+    format!("has no triangle of non-zero area ({count} triangles in the file): give a mesh with triangles, or a box")
+}
+
 impl Mesh {
     /// Reads a mesh from an STL, DAE or OBJ file. `scale` multiplies the coordinates along x, y and z, and so converts the
     /// file's unit to m. A `.dae` is first converted to m with z upwards, by the unit and the upward axis that it states (by
@@ -35,13 +43,16 @@ impl Mesh {
         let refuse = |fault| ContactError::Mesh { owner: owner.into(), file: file.into(), fault };
         let read = || {
             let kind = file.extension().and_then(|kind| kind.to_str()).unwrap_or_default().to_lowercase();
-            let refused = |why: String| MeshFault::Unreadable(shortened(&why, MESSAGE).into_owned());
+            let refused = |why: String| format!("cannot be read: {}", shortened(&why, MESSAGE));
             let unreadable = |error: std::io::Error| refused(error.to_string());
             let soup = match kind.as_str() {
                 "stl" => stl(&read_bytes(file, MOST_MIB).map_err(unreadable)?).map_err(unreadable)?,
                 "dae" => dae::read(&read_text(file, MOST_MIB).map_err(unreadable)?).map_err(refused)?,
                 "obj" => obj::read(&read_text(file, MOST_MIB).map_err(unreadable)?).map_err(refused)?,
-                _ => return Err(MeshFault::UnknownKind(kind)),
+                _ => {
+                    let rule = "which is not supported: give an stl, dae or obj file";
+                    return Err(format!("has the file type '{kind}', {rule}"));
+                }
             };
             Self::check(soup, scale)
         };
@@ -51,24 +62,29 @@ impl Mesh {
     /// A mesh from vertices (m) and triangles (indices of their vertices, from 0).
     ///
     /// # Errors
-    /// [`MeshFault`]: no triangle of non-zero area, a vertex that is not finite, an index out of range.
-    pub fn from_triangles(vertices: Vec<Vector3<f64>>, triangles: Vec<[u32; 3]>) -> Result<Self, MeshFault> {
-        Self::check(Soup { vertices, triangles }, Vector3::repeat(1.0))
+    /// [`ContactError::Mesh`]: no triangle of non-zero area, a vertex that is not finite, an index out of range.
+    pub fn from_triangles(vertices: Vec<Vector3<f64>>, triangles: Vec<[u32; 3]>) -> Result<Self, ContactError> {
+        let refuse = |fault| ContactError::Mesh { owner: "from_triangles".into(), file: TRIANGLES.into(), fault };
+        Self::check(Soup { vertices, triangles }, Vector3::repeat(1.0)).map_err(refuse)
     }
 
-    fn check(soup: Soup, scale: Vector3<f64>) -> Result<Self, MeshFault> {
+    fn check(soup: Soup, scale: Vector3<f64>) -> Result<Self, String> {
         if scale.iter().any(|s| *s == 0.0 || !s.is_finite()) {
-            return Err(MeshFault::Scale(scale.into()));
+            let [x, y, z]: [f64; 3] = scale.into();
+            return Err(format!("has the scale ({x}, {y}, {z}): each factor must be finite and not zero"));
         }
         let scaled: Vec<_> = soup.vertices.iter().map(|v| v.component_mul(&scale)).collect();
         if let Some(index) = scaled.iter().position(|v| v.iter().any(|x| !x.is_finite())) {
-            return Err(MeshFault::NotFinite { index, at: scaled[index].into() });
+            let [x, y, z]: [f64; 3] = scaled[index].into();
+            return Err(format!(
+                "has a vertex ({x}, {y}, {z}) after scaling (vertex {index}, counted from 0): every coordinate must be finite"
+            ));
         }
         let count = scaled.len();
         if let Some(bad) = soup.triangles.iter().flatten().find(|k| **k as usize >= count) {
-            return Err(MeshFault::Unreadable(format!(
-                "a triangle has the vertex {bad} (counted from 0), but there are {count} vertices"
-            )));
+            return Err(format!(
+                "cannot be read: a triangle has the vertex {bad} (counted from 0), but there are {count} vertices"
+            ));
         }
         let mut weld = Weld::default();
         let mut triangles = Vec::with_capacity(soup.triangles.len());
@@ -79,7 +95,7 @@ impl Mesh {
             }
         }
         if triangles.is_empty() {
-            return Err(MeshFault::NoTriangles(soup.triangles.len()));
+            return Err(no_triangles(soup.triangles.len()));
         }
         let mut mesh = Self { vertices: weld.vertices, triangles, closed: false };
         mesh.closed = mesh.is_watertight();
@@ -100,6 +116,7 @@ impl Mesh {
     }
 
     /// Whether the mesh bounds a volume: every edge belongs to exactly two triangles, of the same orientation.
+    #[doc(hidden)]
     pub fn is_closed(&self) -> bool {
         self.closed
     }

@@ -143,7 +143,7 @@ fn one_at_a_time<A: Algebra<Scalar = f64>>(
         let state = black_box(&states[k]);
         fused.jump_into(&state.q, &state.qd, normal, RESTITUTION, black_box(&mut jump)).unwrap();
         if let Some(shown) = shown {
-            let h = |i: usize, j| A::linear_part(jump.memory.response().delassus[i], j);
+            let h = |i: usize, j| A::linear_part(jump.response().delassus[i], j);
             shown.extend(&jump.qd_plus);
             shown.extend([h(0, 0), h(1, 0), h(1, 1)]);
         }

@@ -106,6 +106,7 @@ impl Touch {
     ///
     /// # Errors
     /// [`SimError::Shape`] for an invalid mesh.
+    #[doc(hidden)]
     pub fn every(chain: &Chain, surfaces: &[Surface], limit_restitution: f64) -> Result<Vec<Self>, SimError> {
         Ok(Self::of(chain, surfaces, limit_restitution, false)?.touches)
     }
@@ -182,6 +183,7 @@ impl Touch {
 
     /// The touches with each pair of bodies divided into contacts of parts where its contact is rigid or on a half-space, and undivided
     /// where it is compliant. For touches whose [`ContactRule::compliance`] was changed after they were made.
+    #[doc(hidden)]
     pub fn divided(touches: Vec<Self>) -> Vec<Self> {
         let mut divided = Vec::new();
         for touch in touches {
@@ -300,6 +302,7 @@ impl Touch {
 
     /// Whether it is a contact of two parts (corners, edges, faces, rims) of bodies, for which there is also the touch of their
     /// nearest points. Compliant contacts have parts on half-spaces only.
+    #[doc(hidden)]
     pub fn is_part(&self) -> bool {
         matches!(self.kind, TouchKind::Pair { part: Some(_), .. })
     }

@@ -44,10 +44,16 @@ pub struct Jumped<A: Algebra> {
     pub qd_plus: Vec<A::Scalar>,
     /// Normal impulse, N s.
     pub impulse: A::Scalar,
-    /// Position, J, M and H at the contact point.
-    pub memory: ResponseMemory<A>,
+    memory: ResponseMemory<A>,
     /// For long chains.
     workspace: Option<Box<Workspace<A>>>,
+}
+
+impl<A: Algebra> Jumped<A> {
+    /// Position, J, M and H at the contact point.
+    pub fn response(&self) -> PointResponse<'_, A> {
+        self.memory.response()
+    }
 }
 
 /// Results of the impacts, as columns of the length of those of the states. An empty slice leaves a result out.
@@ -177,7 +183,7 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
                 self.jump_into(q, qd, normal, restitution, jump)?;
             }
             let jumps = || block.iter().map(|(.., jump)| jump);
-            let found: Vec<_> = jumps().map(|jump| jump.memory.response()).collect();
+            let found: Vec<_> = jumps().map(|jump| jump.response()).collect();
             let part = |vectors: &[A::Vector], i: usize| A::linear_part(vectors[i / linear], i % linear);
             for (i, column) in outcomes.qd_plus.iter_mut().enumerate() {
                 column[at..].iter_mut().zip(jumps()).for_each(|(x, jump)| *x = jump.qd_plus[i]);

@@ -59,13 +59,8 @@ impl Reference {
         Ok(Self { times, curves })
     }
 
-    /// Times of the first and of the last position, s.
-    pub fn span(&self) -> [f64; 2] {
-        [self.times[0], self.times[self.times.len() - 1]]
-    }
-
     /// Number of joints.
-    pub fn joints(&self) -> usize {
+    pub(crate) fn joints(&self) -> usize {
         self.curves.len()
     }
 
@@ -159,7 +154,7 @@ mod tests {
                 // Second differences of numbers of size 1 over intervals of 0.1 lose 1e3 units of rounding.
                 assert!((0..3).all(|i| (a[i] - b[i]).abs() < 1e-12), "{points} points at {time}: {a:?} {b:?}");
             }
-            let [first, last] = found.span();
+            let (first, last) = (found.times[0], found.times[found.times.len() - 1]);
             assert_eq!(found.at(0, first - 1.0), [rows[0][0], 0.0, 0.0]);
             assert_eq!(found.at(0, last + 1.0), [rows[points - 1][0], 0.0, 0.0]);
         }

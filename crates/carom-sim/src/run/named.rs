@@ -65,6 +65,7 @@ pub struct NamedEvent<'a> {
 
 impl Event {
     /// The event with the names of these contacts, those of its [`Simulation::touches`](crate::Simulation::touches).
+    #[doc(hidden)]
     pub fn named<'a>(&'a self, touches: &'a [Touch]) -> NamedEvent<'a> {
         let name = |touch: &usize| touches[*touch].name.as_str();
         let several = match &self.kind {
@@ -101,6 +102,7 @@ impl Event {
     }
 }
 
+#[doc(hidden)]
 impl ContactState {
     /// The lasting contact with its name, of those of its [`Simulation::touches`](crate::Simulation::touches).
     pub fn named<'a>(&'a self, touches: &'a [Touch]) -> AtContact<'a, Self> {

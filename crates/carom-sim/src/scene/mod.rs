@@ -138,7 +138,7 @@ impl Scene {
         let mut q = robots.q.clone();
         let mut qd = robots.velocities(&surfaces, !file.loops.is_empty())?;
 
-        let mut warnings: Vec<String> = chain.outside_limits(&q).iter().map(ToString::to_string).collect();
+        let mut warnings: Vec<String> = chain.outside_limits(&q).into_iter().map(|(_, why)| why).collect();
         let full = run.model == Model::Full;
         let limits = contact.limit_restitution;
         let Touches { mut touches, mut left_out } = Touch::of(&chain, &surfaces, limits, !full)?;

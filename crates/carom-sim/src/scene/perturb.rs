@@ -29,6 +29,7 @@ pub enum Distribution {
     Uniform,
 }
 
+#[doc(hidden)]
 impl Perturbation {
     /// The disturbed start of a run: q and qd. Run 0 is the start itself.
     ///

@@ -40,7 +40,7 @@ impl<const N: usize> Profile<N> {
     }
 
     /// The times of the rows, s.
-    pub fn times(&self) -> &[f64] {
+    pub(crate) fn times(&self) -> &[f64] {
         &self.times
     }
 
@@ -52,14 +52,14 @@ impl<const N: usize> Profile<N> {
     }
 
     /// Their rates at a time; at the time of a row those after it.
-    pub fn rate(&self, time: f64) -> [f64; N] {
+    pub(crate) fn rate(&self, time: f64) -> [f64; N] {
         let (before, after, _) = between(&self.times, time);
         let (a, b, span) = (&self.values[before], &self.values[after], self.times[after] - self.times[before]);
         std::array::from_fn(|i| if span > 0.0 { (b[i] - a[i]) / span } else { 0.0 })
     }
 
     /// Their integrals from time 0.
-    pub fn integral(&self, time: f64) -> [f64; N] {
+    pub(crate) fn integral(&self, time: f64) -> [f64; N] {
         let (to, from) = (self.since_first(time), self.since_first(0.0));
         std::array::from_fn(|i| to[i] - from[i])
     }

@@ -32,8 +32,10 @@ pub struct Diagram<const D: usize> {
     /// Whether all axes have the same scale.
     pub equal_scales: bool,
     /// Areas and lines, in drawing order.
+    #[doc(hidden)]
     pub shapes: Vec<Shape<D>>,
     /// Points, drawn after the shapes.
+    #[doc(hidden)]
     pub marks: Vec<Mark<D>>,
 }
 

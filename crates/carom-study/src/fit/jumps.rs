@@ -187,11 +187,13 @@ impl MeasuredImpact {
     }
 
     /// Norm of the measured jump, m/s.
+    #[doc(hidden)]
     pub fn size(&self) -> f64 {
         self.jump.norm()
     }
 
     /// Norm of the velocity before the impact in the metric of the residual, m/s.
+    #[doc(hidden)]
     pub fn speed(&self) -> f64 {
         self.speed
     }
@@ -201,6 +203,7 @@ impl MeasuredImpact {
     ///
     /// # Errors
     /// Error of the law.
+    #[doc(hidden)]
     pub fn residual(&self, laws: &LawPair) -> Result<DVector<f64>, ImpactError> {
         let impulse = match &self.problem {
             Problem::Plane(problem) => DVector::from_column_slice(laws.plane.resolve(problem)?.impulse.as_slice()),
@@ -211,6 +214,7 @@ impl MeasuredImpact {
 
     /// Lower bound of the residual norm, m/s, over all impulses in the cone of the coefficient `friction`; with
     /// `f64::INFINITY` over all impulses with p_n ≥ 0. The impulse of every law with that friction lies in the cone.
+    #[doc(hidden)]
     pub fn least_residual(&self, friction: f64) -> f64 {
         least_residual(&self.reach, &self.jump, friction)
     }

@@ -32,7 +32,7 @@ mod velocities;
 
 pub use error::FitError;
 pub use flights::{Flight, Joined, join_flights, lowest_point, toss_flights};
-pub use jumps::{ChainJump, LawPair, MeasuredImpact};
+pub use jumps::{ChainJump, MeasuredImpact};
 #[doc(hidden)] // for carom-evidence, and under test
 pub use launch::{Launched, launch};
 pub use loss::Loss;
@@ -42,6 +42,8 @@ pub use velocities::fit_velocities;
 use carom_impact::{Coefficients, LawInfo};
 use serde::Serialize;
 
+#[doc(hidden)] // for carom-evidence
+pub use jumps::LawPair;
 #[doc(hidden)] // for carom-evidence
 pub use loss::median;
 #[doc(hidden)] // for carom-evidence

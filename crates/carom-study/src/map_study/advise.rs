@@ -84,6 +84,7 @@ impl Study {
     ///
     /// # Errors
     /// As [`Study::advise`].
+    #[doc(hidden)]
     pub fn check_advice(&self) -> Result<(), StudyError> {
         self.wish().map(drop)
     }

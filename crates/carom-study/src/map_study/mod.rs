@@ -133,6 +133,7 @@ impl Study {
 
     /// Row numbers of part `part` of `parts`, counted from 1. The parts are consecutive, and their lengths differ by at most
     /// one row. `None` unless `1 ≤ part ≤ parts`.
+    #[doc(hidden)]
     pub fn shard(&self, part: u64, parts: u64) -> Option<Range<u64>> {
         if part == 0 || part > parts {
             return None;
@@ -157,6 +158,7 @@ impl Study {
     }
 
     /// Unit of a column; empty for words, dimensionless numbers and unknown names.
+    #[doc(hidden)]
     pub fn unit(&self, column: &str) -> &'static str {
         let axis = self.axes().iter().find(|axis| axis.name == column);
         let column = || self.columns.iter().find(|it| it.name == column);

@@ -38,6 +38,7 @@ impl Study {
     ///
     /// # Errors
     /// As [`Study::values`].
+    #[doc(hidden)]
     pub fn check_picture(&self, column: &str) -> Result<(), StudyError> {
         self.arrange(column).map(drop)
     }
@@ -175,11 +176,13 @@ type Drawn = Result<(), Box<dyn std::error::Error>>;
 
 impl Values {
     /// Whether the picture consists of curves: one axis of numbers, and possibly one of words.
+    #[doc(hidden)]
     pub fn is_curve(&self) -> bool {
         self.axes.len() == 1 || (self.axes.len() == 2 && !self.axes[1].names().is_empty())
     }
 
     /// Smallest and greatest finite value. If both are equal, an interval around the value; without finite values (0, 1).
+    #[doc(hidden)]
     pub fn range(&self) -> (f64, f64) {
         let finite = self.values.iter().filter(|x| x.is_finite());
         let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
@@ -192,6 +195,7 @@ impl Values {
 
     /// Range of the colour bar: the 1st to the 99th percentile of the finite values, so that large values near a singular
     /// pose do not compress the rest of the scale. [`Values::range`] if the two percentiles are equal.
+    #[doc(hidden)]
     pub fn colour_range(&self) -> (f64, f64) {
         let mut finite: Vec<f64> = self.values.iter().copied().filter(|x| x.is_finite()).collect();
         finite.sort_by(f64::total_cmp);
@@ -204,6 +208,7 @@ impl Values {
 
     /// Colour (RGB) of a value for a colour bar over `(low, high)`. Values beyond the bar have the colour of its end, NaN is
     /// grey, words have one colour each.
+    #[doc(hidden)]
     pub fn colour(&self, value: f64, (low, high): (f64, f64)) -> [u8; 3] {
         if !self.words.is_empty() {
             return word_colour(&self.words, value);

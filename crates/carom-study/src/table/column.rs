@@ -11,6 +11,7 @@ pub struct Column {
     pub unit: &'static str,
 }
 
+#[doc(hidden)]
 impl Column {
     /// A column of numbers.
     pub fn number(name: impl Into<String>) -> Self {
