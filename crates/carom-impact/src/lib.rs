@@ -84,7 +84,7 @@
 //! |---|---|---|---|
 //! | [`SeveralProblem::simultaneous`] (Moreau) | a ratio of velocities, per contact | **can gain** if e > 0 | exists for regular H; found for every singular H with e = 0 in the tests |
 //! | [`SeveralProblem::poisson`] (Glocker & Pfeiffer) | a ratio of impulses, per contact | never gains without friction or with one common e; otherwise **can gain** | as the row above with e = 0 |
-//! | [`SeveralProblem::sequential`] | a ratio of velocities, per sub-impact | never gains without friction; otherwise **can gain** if e > 0 | `finished` reports whether the sequence ended |
+//! | [`SeveralProblem::sequential`] | a ratio of velocities, per sub-impact | never gains without friction; otherwise **can gain** if e > 0 | [`SeveralOutcome::is_solved`] reports whether the sequence ended |
 //! | [`SeveralProblem::energetic`] (Liu, Zhao & Brogliato), without friction | square root of a ratio of works, per contact | never gains | exists and is unique; depends on the ratios of stiffnesses |
 //!
 //! [`SeveralProblem::sequential`] has one outcome per order of the contacts; [`SeveralProblem::all_orders`] returns the
@@ -135,6 +135,6 @@ pub use problem::ImpactProblem;
 #[doc(hidden)]
 pub use several::undetermined;
 pub use several::{
-    Accuracy, Constraint, EnergeticOutcome, Order, OrderOutcome, OrderSet, PoissonOutcome, SequentialOutcome,
-    SeveralOutcome, SeveralProblem, Stiffnesses,
+    Accuracy, Constraint, EnergeticOutcome, Order, OrderOutcome, OrderSet, PoissonOutcome, SeveralOutcome,
+    SeveralProblem, Stiffnesses,
 };

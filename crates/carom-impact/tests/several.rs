@@ -31,7 +31,7 @@ const POISSON: Several = |problem| {
 
 const SEQUENTIAL: Several = |problem| {
     let hit = problem.sequential(&Order::MostApproaching, &Accuracy::default()).unwrap();
-    assert!(hit.finished && hit.sub_impacts <= 1, "{hit:?}");
+    assert!(hit.is_solved(&Accuracy::default()) && hit.iterations <= 1, "{hit:?}");
     (hit.impulse, hit.u_plus, hit.residual)
 };
 

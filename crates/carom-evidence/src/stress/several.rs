@@ -43,14 +43,7 @@ fn resolve(method: &str, problem: &SeveralProblem) -> Result<Answer, String> {
         }
         _ => {
             let hit = problem.sequential(&Order::MostApproaching, &ACCURACY).map_err(said)?;
-            Answer {
-                impulse: hit.impulse,
-                u_plus: hit.u_plus,
-                phases: None,
-                solved: hit.finished,
-                energy_change: hit.energy_change,
-                sub_impacts: hit.sub_impacts,
-            }
+            Answer { solved: hit.is_solved(&ACCURACY), sub_impacts: hit.iterations, ..answer(hit, None) }
         }
     })
 }

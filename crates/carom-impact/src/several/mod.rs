@@ -69,12 +69,12 @@ use nalgebra::{DMatrix, DVector};
 pub use energetic::{EnergeticOutcome, Stiffnesses};
 pub use orders::{OrderOutcome, OrderSet};
 pub use poisson::PoissonOutcome;
-pub use sequential::{Order, SequentialOutcome};
+pub use sequential::Order;
 pub use unique::undetermined;
 
 use crate::laws::{check_friction, check_restitution, refuse};
 use crate::problem::{check_delassus, check_square, check_velocity};
-use crate::rounding::{CANCELLED, SOLVED};
+use crate::rounding::{CANCELLED, RANK, SOLVED};
 use crate::{Flags, ImpactError};
 
 /// One constraint of an impact.
@@ -326,15 +326,26 @@ pub struct SeveralOutcome {
     /// with P the projection on the disc of radius `μ max(0, h p_n - y)`, u the velocity after, and h the constraint's
     /// mean inverse inertia, which converts impulses to velocities. It measures in one number a normal velocity below
     /// its target, an impulse at a separating contact, and friction that is not opposed to the slip or not maximal.
+    ///
+    /// Of a [sequence](SeveralProblem::sequential) it is the largest of the approach velocities of contacts and stops, the velocities
+    /// that dry friction could still change, and the velocities of `Held` constraints.
     pub residual: f64,
-    /// Number of sweeps over the constraints and Newton steps together.
+    /// Number of sweeps over the constraints and Newton steps together; of a sequence the number of sub-impacts.
     pub iterations: usize,
     /// Work of the impulses at the mean velocity, `½ pᵀ(u⁻ + u⁺)` (J). In an impact without forces (`u_free = u_minus`)
     /// it is the change of kinetic energy; in a time step the work of the forces has to be added.
     pub energy_change: f64,
     /// `energy-gain` if the impulses did positive work; `no-approach` if all impulses are zero and satisfy the law;
-    /// `non-unique` if other impulses in the same modes satisfy the law of Moreau, or of Poisson, and give other velocities.
+    /// `non-unique` if other impulses in the same modes satisfy the law of Moreau, or of Poisson, and give other velocities, or if
+    /// equal approach velocities left the order of a sequence open.
     pub flags: Flags,
+}
+
+impl SeveralOutcome {
+    /// Whether the law is satisfied within the tolerance, or the sequence has ended.
+    pub fn is_solved(&self, accuracy: &Accuracy) -> bool {
+        self.residual <= accuracy.tolerance.max(RANK)
+    }
 }
 
 fn check_rows(delassus: &DMatrix<f64>, u: &DVector<f64>, constraints: &[Constraint]) -> Result<(), ImpactError> {

@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 
 use super::sequential::Reduced;
-use super::{Accuracy, Constraint, Order, SequentialOutcome, SeveralProblem};
+use super::{Accuracy, Constraint, Order, SeveralOutcome, SeveralProblem};
 
 /// Outcomes nearer to one another than this multiple of the tolerance count as equal.
 const SAME: f64 = 1000.0;
@@ -14,7 +14,7 @@ pub struct OrderOutcome {
     /// The cycle: indices of the constraints, without those that are `Held`.
     pub order: Vec<usize>,
     /// The outcome of this order.
-    pub outcome: SequentialOutcome,
+    pub outcome: SeveralOutcome,
 }
 
 /// Result of [`SeveralProblem::all_orders`].
@@ -79,7 +79,7 @@ impl SeveralProblem {
             }
             let cycle = Order::Cycle(order.clone());
             let outcome = self.sequence(&reduced, &cycle, accuracy);
-            unfinished += usize::from(!outcome.finished);
+            unfinished += usize::from(!outcome.is_solved(accuracy));
             if outcomes.iter().all(|known| (&known.outcome.u_plus - &outcome.u_plus).amax() > near) {
                 outcomes.push(OrderOutcome { order: order.clone(), outcome });
             }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
 
 use super::block::{Block, nothing};
-use super::{Accuracy, Constraint, SeveralProblem};
+use super::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
 use crate::rounding::{RANK, SOLVED};
 use crate::{Flags, ImpactError};
 
@@ -19,28 +19,6 @@ pub enum Order {
     /// The constraint with the largest approach velocity, in the unit of its row; the first of those that are equal up to rounding,
     /// with [`Flags::NON_UNIQUE`] if one of these changes the velocity of another.
     MostApproaching,
-}
-
-/// Outcome of [`SeveralProblem::sequential`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct SequentialOutcome {
-    /// Impulses of all sub-impacts together (N s).
-    pub impulse: DVector<f64>,
-    /// Velocities after (m/s): `u_free + H p`.
-    pub u_plus: DVector<f64>,
-    /// Number of sub-impacts.
-    pub sub_impacts: usize,
-    /// Whether all constraints were satisfied within the tolerance at the end.
-    pub finished: bool,
-    /// Remaining violation, relative to the largest entry of `u_minus` and `u_free`: the largest of the approach
-    /// velocities of contacts and stops, the velocities that dry friction could still change, and the velocities of
-    /// `Held` constraints.
-    pub residual: f64,
-    /// `½ pᵀ(u⁻ + u⁺)` (J), as in [`SeveralOutcome`](crate::SeveralOutcome).
-    pub energy_change: f64,
-    /// `energy-gain` if the impulses did positive work; `no-approach` if all impulses are zero and no contact
-    /// approaches; `non-unique` if equal approach velocities left the order open.
-    pub flags: Flags,
 }
 
 impl SeveralProblem {
@@ -70,7 +48,7 @@ impl SeveralProblem {
     /// **Fails** to have one outcome: it depends on the order ([`all_orders`](Self::all_orders)), and a symmetric
     /// problem may have asymmetric outcomes. The sequence may be infinite: for a rod on both ends with e = 0 each
     /// sub-impact halves the approach velocity, and obstacles on both sides of the robot with e = 1 never end. Then
-    /// `finished` is false, and `residual` is the remaining violation. With friction and e > 0 a sub-impact may gain
+    /// [`SeveralOutcome::is_solved`] is false, and `residual` is the remaining violation. With friction and e > 0 a sub-impact may gain
     /// energy, as under [`Whittaker`](crate::Whittaker) ([`Flags::ENERGY_GAIN`]).
     ///
     /// **Source.** A. P. Ivanov, *On multiple impact*, J. Appl. Math. Mech. 59 (1995) 887, for sequences of single
@@ -89,10 +67,10 @@ impl SeveralProblem {
     /// let cradle = SeveralProblem::new(dmatrix![2.0, -1.0; -1.0, 2.0], dvector![-1.0, 0.0], vec![between; 2])?;
     /// let hit = cradle.sequential(&Order::MostApproaching, &Accuracy::default())?;
     /// assert_eq!(hit.impulse, dvector![1.0, 1.0]); // the first ball stops, the last one leaves
-    /// assert_eq!((hit.sub_impacts, hit.finished), (2, true));
+    /// assert_eq!((hit.iterations, hit.residual), (2, 0.0));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn sequential(&self, order: &Order, accuracy: &Accuracy) -> Result<SequentialOutcome, ImpactError> {
+    pub fn sequential(&self, order: &Order, accuracy: &Accuracy) -> Result<SeveralOutcome, ImpactError> {
         if let Order::Cycle(list) = order {
             let count = self.constraints.len();
             if let Some(&index) = list.iter().find(|&&index| index >= count) {
@@ -110,7 +88,7 @@ impl SeveralProblem {
     }
 
     /// Requires a valid `order`.
-    pub(super) fn sequence(&self, reduced: &Reduced, order: &Order, accuracy: &Accuracy) -> SequentialOutcome {
+    pub(super) fn sequence(&self, reduced: &Reduced, order: &Order, accuracy: &Accuracy) -> SeveralOutcome {
         let speed = self.u_minus.amax().max(self.u_free.amax());
         let enough = accuracy.tolerance * speed;
         let mut state = State { reduced, impulse: DVector::zeros(self.u_minus.len()), u: reduced.u_free.clone() };
@@ -151,8 +129,7 @@ impl SeveralProblem {
         if open {
             flags |= Flags::NON_UNIQUE;
         }
-        let finished = residual <= accuracy.tolerance.max(RANK);
-        SequentialOutcome { impulse, u_plus, sub_impacts, finished, residual, energy_change, flags }
+        SeveralOutcome { impulse, u_plus, iterations: sub_impacts, residual, energy_change, flags }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The law of several contacts at the same time.
 
-use carom_impact::{Accuracy, ImpactError, Order, SequentialOutcome, SeveralOutcome, SeveralProblem, Stiffnesses};
+use carom_impact::{Accuracy, ImpactError, Order, SeveralOutcome, SeveralProblem, Stiffnesses};
 use nalgebra::DVector;
 use serde::de::{Deserialize, Deserializer, Error as _};
 
@@ -48,8 +48,7 @@ impl SeveralLaw {
     /// impulses, which Moreau's law uses.
     ///
     /// # Errors
-    /// [`ImpactError`] of the energetic law; the others have none for a problem that could be made, the types of the laws
-    /// allow them.
+    /// [`ImpactError`] of the energetic law; the others have none for a problem that could be made.
     pub(crate) fn solve(
         self,
         problem: &SeveralProblem,
@@ -60,12 +59,7 @@ impl SeveralLaw {
         Ok(match self {
             Self::Moreau => problem.simultaneous(accuracy, start)?,
             Self::Poisson => problem.poisson(accuracy).total,
-            Self::Sequential => {
-                let found = problem.sequential(&Order::MostApproaching, accuracy);
-                let found = found.unwrap_or_else(|_| unreachable!("this order has no indices that could be invalid"));
-                let SequentialOutcome { impulse, u_plus, sub_impacts, residual, energy_change, flags, .. } = found;
-                SeveralOutcome { impulse, u_plus, residual, iterations: sub_impacts, energy_change, flags }
-            }
+            Self::Sequential => problem.sequential(&Order::MostApproaching, accuracy)?,
             Self::Energetic { exponent } => {
                 problem.energetic(&Stiffnesses { exponent, ratios: stiffnesses }, accuracy)?.total
             }
