@@ -5,7 +5,7 @@ use std::cell::Cell;
 
 use nalgebra::{RealField, Vector2, convert};
 
-use super::state::{Return, State, Step};
+use super::state::{Return, State};
 use super::turn::{CHANGES, Quantity, Turn};
 use crate::contact::Contact;
 use crate::problem::plain;
@@ -21,9 +21,9 @@ pub(super) struct Curve<'a, T> {
     /// τ from which impulses and works are counted: 0, or the end of compression.
     from: f64,
     /// The step up to there.
-    before: Option<Step<T>>,
+    before: Option<State<T>>,
     /// The step to an event, without what its derivative moves, and its τ.
-    event: Cell<Option<(f64, Step<T>)>>,
+    event: Cell<Option<(f64, State<T>)>>,
 }
 
 /// A step whose series serves restitution, too.
@@ -33,7 +33,7 @@ pub(super) struct Resume<T> {
     /// τ at the end of compression.
     from: f64,
     /// The step up to there.
-    before: Step<T>,
+    before: State<T>,
 }
 
 impl<'a, T: RealField + Copy> Curve<'a, T> {
@@ -50,7 +50,7 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
     }
 
     /// The rest of this step after its end of compression at τ = t, up to which it has advanced by `before`.
-    pub fn resume(&self, t: T, before: Step<T>) -> Resume<T> {
+    pub fn resume(&self, t: T, before: State<T>) -> Resume<T> {
         Resume { state: self.state, from: plain(t), before }
     }
 
@@ -81,7 +81,7 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
             Ending::Velocity => (Quantity::Velocity, -end.e * end.v_n_minus),
             Ending::Work => (Quantity::Work, -end.e * end.e * end.work - state.normal_work),
         };
-        let of = |step: &Step<T>| match quantity {
+        let of = |step: &State<T>| match quantity {
             Quantity::Impulse => step.p,
             Quantity::Velocity => step.v_n,
             Quantity::Work => step.normal_work,
@@ -104,7 +104,7 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
     }
 
     /// The root t of a function of the step with the slope of this quantity, with its derivative.
-    fn moved(&self, t: f64, slope: Quantity, of: impl Fn(&Step<T>) -> T) -> T {
+    fn moved(&self, t: f64, slope: Quantity, of: impl Fn(&State<T>) -> T) -> T {
         let t_0 = convert(t);
         if !has_derivatives::<T>() {
             return t_0;
@@ -118,7 +118,7 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
         t_0 - rest(of(&step)) / convert(slope)
     }
 
-    fn whole(&self, t: T) -> Step<T> {
+    fn whole(&self, t: T) -> State<T> {
         let x = plain(t);
         if !has_derivatives::<T>() {
             return self.to(x);
@@ -128,9 +128,9 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
     }
 
     /// The step to τ = t, without what lies before the end of compression.
-    pub fn at(&self, t: T) -> Step<T> {
+    pub fn at(&self, t: T) -> State<T> {
         let step = self.whole(t);
-        self.before.as_ref().map_or(step, |before| Step {
+        self.before.as_ref().map_or(step, |before| State {
             p: step.p - before.p,
             p_t: step.p_t - before.p_t,
             normal_work: step.normal_work - before.normal_work,
@@ -140,7 +140,7 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
     }
 
     /// The step to τ.
-    fn to(&self, t: f64) -> Step<T> {
+    fn to(&self, t: f64) -> State<T> {
         let Self { contact, mu, state, turn, .. } = self;
         let sums = turn.sums(t);
         let c = convert::<f64, T>;
@@ -179,18 +179,18 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
             friction_work += sum(&response.friction_work) + rougher * c(sums.friction_work / mu_0);
         }
         let v_n = state.v_n + contact.normal * p + contact.coupling.dot(&p_t);
-        Step { p, p_t, heading, r, v_n, normal_work, friction_work }
+        State { p, p_t, heading, r, v_n, normal_work, friction_work }
     }
 
     /// The step with its end moved by `dτ/κ` of value zero.
-    fn later(&self, step: Step<T>, by: T) -> Step<T> {
+    fn later(&self, step: State<T>, by: T) -> State<T> {
         let c = convert::<f64, T>;
         let (u, r, v_n) = (step.heading.map(plain), plain(step.r), plain(step.v_n));
         let mu = plain(self.mu);
         let (h, hold) = (self.contact.coupling.map(plain), self.contact.tangents.map(plain) * u * mu);
         let (rate, p) = (h - hold, by * c(r));
         let turned = by * c(u.perp(&rate));
-        Step {
+        State {
             p: step.p + p,
             p_t: step.p_t + u.map(|x| p * c(-mu * x)),
             heading: step.heading + Vector2::new(turned * c(-u.y), turned * c(u.x)),

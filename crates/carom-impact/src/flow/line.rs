@@ -2,7 +2,7 @@
 
 use nalgebra::{RealField, Vector2, convert};
 
-use super::state::{Return, State, Step};
+use super::state::{Return, State};
 use crate::contact::Contact;
 use crate::routh::{End, Ending};
 
@@ -84,12 +84,12 @@ impl<T: RealField + Copy> Line<T> {
     }
 
     /// After an impulse `dp >= 0`. Velocities are linear in p, so the trapezium rule is the exact work.
-    pub fn at(&self, state: &State<T>, dp: T) -> Step<T> {
+    pub fn at(&self, state: &State<T>, dp: T) -> State<T> {
         let (dp, half) = (dp.max(T::zero()), convert::<f64, T>(0.5));
         let p_t = self.friction_rate * dp;
         let r = (state.r + self.slip_rate * dp).max(T::zero());
         let v_n = state.v_n + self.normal_rate * dp;
-        Step {
+        State {
             p: dp,
             p_t,
             heading: self.heading,

@@ -238,14 +238,14 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
             match self.piece(state, turn) {
                 Piece::Line(line) => {
                     if let Some(dp) = line.rises(state) {
-                        state.advance(line.at(state, dp));
+                        *state = line.at(state, dp).added_to(state);
                         break;
                     }
                     let Some(dp) = line.end(state).filter(|_| !line.locked) else {
                         self.check_held(state, &line)?;
                         break;
                     };
-                    state.advance(line.at(state, dp));
+                    *state = line.at(state, dp).added_to(state);
                     state.r = T::zero();
                     stopped = stopped.or(Some(state.p));
                 }
@@ -254,7 +254,7 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
                     let t = rises.unwrap_or_else(|| curve.end());
                     self.jams |= curve.jams(t);
                     let step = curve.at(t);
-                    state.advance(step);
+                    *state = step.added_to(state);
                     if rises.is_some() {
                         rest = Some(curve.resume(t, step));
                         break;
@@ -307,7 +307,7 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
             };
             match &piece {
                 Piece::Line(line) => {
-                    state.advance(line.at(state, x));
+                    *state = line.at(state, x).added_to(state);
                     if over.is_none() {
                         state.r = T::zero();
                         stopped = stopped.or(Some(state.p));
@@ -315,7 +315,7 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
                 }
                 Piece::Curve(curve) => {
                     self.jams |= curve.jams(x);
-                    state.advance(curve.at(x));
+                    *state = curve.at(x).added_to(state);
                 }
             }
             state.v_n = state.v_n.max(T::zero());

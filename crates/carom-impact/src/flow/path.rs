@@ -225,7 +225,7 @@ impl<'a, const D: usize> Walk<'a, D> {
                         compression_end = Some(self.points.len() - 1);
                         continue;
                     };
-                    self.state.advance(line.at(&self.state, dp));
+                    self.state = line.at(&self.state, dp).added_to(&self.state);
                     if rises.is_some() {
                         self.state.v_n = 0.0;
                         compression_end = Some(self.points.len());
@@ -245,7 +245,7 @@ impl<'a, const D: usize> Walk<'a, D> {
                     let start = self.state;
                     for k in 1..=POINTS {
                         self.state = start;
-                        self.state.advance(curve.at(end * k as f64 / POINTS as f64));
+                        self.state = curve.at(end * k as f64 / POINTS as f64).added_to(&self.state);
                         if k == POINTS && rises.is_some() {
                             self.state.v_n = 0.0;
                             compression_end = Some(self.points.len());

@@ -1,10 +1,10 @@
-//! The state of the contact on the path of the impulse, and what the pieces of the path return.
+//! The state of the contact on the path of the impulse, and the end of restitution.
 
 use nalgebra::{RealField, Vector2};
 
 use crate::contact::{Contact, length};
 
-/// The state of the contact, with impulse and works since the last change of phase.
+/// The state of the contact, with impulse and works since the last change of phase; of a piece of the path those since its start.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct State<T> {
     pub p: T,
@@ -33,14 +33,6 @@ impl<T: RealField + Copy> State<T> {
         Self { p: zero, p_t: Vector2::zeros(), normal_work: zero, friction_work: zero, ..*self }
     }
 
-    pub fn advance(&mut self, step: Step<T>) {
-        self.p += step.p;
-        self.p_t += step.p_t;
-        self.normal_work += step.normal_work;
-        self.friction_work += step.friction_work;
-        (self.heading, self.r, self.v_n) = (step.heading, step.r, step.v_n);
-    }
-
     /// This state with the impulse and works of `before` added.
     pub fn added_to(mut self, before: &Self) -> Self {
         self.p += before.p;
@@ -49,18 +41,6 @@ impl<T: RealField + Copy> State<T> {
         self.friction_work += before.friction_work;
         self
     }
-}
-
-/// What a piece adds to impulse and works, and the velocity at its end.
-#[derive(Clone, Copy)]
-pub(super) struct Step<T> {
-    pub p: T,
-    pub p_t: Vector2<T>,
-    pub heading: Vector2<T>,
-    pub r: T,
-    pub v_n: T,
-    pub normal_work: T,
-    pub friction_work: T,
 }
 
 /// The end of restitution within a piece.
