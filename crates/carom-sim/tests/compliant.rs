@@ -261,6 +261,17 @@ fn compliance_keys_of_a_scene_are_read_and_invalid_ones_refused() {
     }
 }
 
+/// A joint limit has impulses only: a compliance of it is refused by its name, before the run.
+#[test]
+fn a_compliance_of_a_joint_limit_is_refused() {
+    let chain = robot("arm7");
+    let (nq, mut touches) = (chain.nq(), carom_sim::Touch::every(&chain, &[], 0.5).unwrap());
+    touches[1].contact.compliance = Some(Compliance::new(1e5));
+    let name = touches[1].name.clone();
+    let found = Simulation::new(chain, touches).run(&vec![0.1; nq], &vec![0.0; nq], 0.1).unwrap_err().to_string();
+    assert!(found.starts_with(&name) && found.contains("joint limits are rigid"), "{found}");
+}
+
 /// A ball that starts at the static depth of its compliant contact, k dⁿ = m g, stays there.
 #[test]
 fn a_ball_rests_at_the_static_depth_of_its_compliant_contact() {

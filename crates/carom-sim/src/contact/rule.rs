@@ -1,9 +1,11 @@
 //! The rule of a contact: its impact law as a value, and what holds while the contact lasts.
 
 use super::compliance::Compliance;
-use super::law::ContactLaw;
 use crate::error::SimError;
-use carom_impact::{Coefficients, Frictionless};
+use carom_impact::{AnyLaw, Coefficients, Frictionless, Law};
+use std::fmt;
+use std::ops::Deref;
+use std::sync::Arc;
 
 /// What happens at a contact.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,34 +37,132 @@ impl ContactRule {
     /// # Errors
     /// [`SimError::Contact`].
     pub(crate) fn check(&self, touch: &str) -> Result<(), SimError> {
-        let refuse = |what, value, rule| Err(SimError::Contact { touch: touch.into(), what, value, rule });
-        let Coefficients { restitution, tangential_restitution, friction } = self.law.coefficients;
-        if !(0.0..=1.0).contains(&restitution) {
-            return refuse("restitution", restitution, "a coefficient of restitution lies between 0 and 1");
-        }
-        if !(-1.0..=1.0).contains(&tangential_restitution) {
-            let rule = "a coefficient of tangential restitution lies between -1 and 1";
-            return refuse("tangential_restitution", tangential_restitution, rule);
-        }
-        if !(friction >= 0.0 && friction.is_finite()) {
-            return refuse("friction", friction, "a coefficient of friction is finite and not negative");
-        }
-        let stiffness = self.relative_stiffness;
-        if !(stiffness > 0.0 && stiffness.is_finite()) {
-            return refuse(
-                "relative_stiffness",
-                stiffness,
-                "it is a positive and finite ratio: 1 if all contacts are alike",
-            );
-        }
+        let check = |fine, what, value, rule| {
+            if fine { Ok(()) } else { Err(SimError::Contact { touch: touch.into(), what, value, rule }) }
+        };
+        let Coefficients { restitution: e, tangential_restitution: tangential, friction } = self.law.coefficients;
+        check((0.0..=1.0).contains(&e), "restitution", e, "a coefficient of restitution lies between 0 and 1")?;
+        let rule = "a coefficient of tangential restitution lies between -1 and 1";
+        check((-1.0..=1.0).contains(&tangential), "tangential_restitution", tangential, rule)?;
+        let rule = "a coefficient of friction is finite and not negative";
+        check(friction >= 0.0 && friction.is_finite(), "friction", friction, rule)?;
+        let (ratio, rule) = (self.relative_stiffness, "it is a positive and finite ratio: 1 if all contacts are alike");
+        check(ratio > 0.0 && ratio.is_finite(), "relative_stiffness", ratio, rule)?;
         if let Some(own) = self.law.known().map(|law| law.coefficients()) {
-            if own.restitution != restitution {
-                return refuse("restitution", restitution, "the impact law has another one: give both the same value");
-            }
-            if own.friction != 0.0 && own.friction != friction {
-                return refuse("friction", friction, "the impact law has another one: give both the same value");
-            }
+            let rule = "the impact law has another one: give both the same value";
+            check(own.restitution == e, "restitution", e, rule)?;
+            check(own.friction == 0.0 || own.friction == friction, "friction", friction, rule)?;
         }
         self.compliance.map_or(Ok(()), |compliance| compliance.check(&self.law, touch))
+    }
+}
+
+/// The impact law of a contact as a value: a law of `carom-impact` or a user's own [`Law`]. It dereferences to the law.
+///
+/// | value | used for |
+/// | --- | --- |
+/// | the law itself | impacts of this contact alone |
+/// | [`restitution`](Self::restitution) | impacts of several contacts ([`SeveralLaw`](crate::SeveralLaw)), time steps, compliant contacts, joint limits |
+/// | [`friction`](Self::friction) | lasting contacts, impacts of several contacts, time steps, compliant contacts |
+///
+/// The two numbers of a law of `carom-impact` are its own coefficients. A user's law states them when the value is made.
+///
+/// ```
+/// use carom_impact::{ImpactError, ImpactOutcome, ImpactProblem, Law, Newton};
+/// use carom_sim::{ContactLaw, ContactRule};
+///
+/// /// Newton's law with a restitution that decreases with the approach speed.
+/// struct Slowing;
+/// impl Law<f64, 3> for Slowing {
+///     fn name(&self) -> &'static str {
+///         "slowing"
+///     }
+///     fn resolve(&self, problem: &ImpactProblem<f64, 3>) -> Result<ImpactOutcome<f64, 3>, ImpactError> {
+///         let restitution = 1.0 / (1.0 + problem.approach_speed()); // speed in m/s
+///         let hit = Newton { restitution, friction: 0.2 }.resolve(problem)?;
+///         Ok(ImpactOutcome { law: self.name(), ..hit })
+///     }
+/// }
+///
+/// let own = ContactRule::new(ContactLaw::new(Slowing, 0.5, 0.2));
+/// assert_eq!(own.law.name(), "slowing");
+/// let named = ContactRule::new(Newton { restitution: 0.5, friction: 0.2 });
+/// assert_eq!((named.law.restitution(), named.law.friction()), (0.5, 0.2));
+/// ```
+#[derive(Clone)]
+pub struct ContactLaw {
+    law: Arc<dyn Law<f64, 3> + Send + Sync>,
+    /// `tangential_restitution` is read only where a scene replaces single values of a rule.
+    pub(crate) coefficients: Coefficients,
+}
+
+impl ContactLaw {
+    /// A user's own law, with the coefficient of restitution (0 to 1) and Coulomb's coefficient of friction (0 or more)
+    /// that hold where the law is not used: see the table of [`ContactLaw`].
+    ///
+    /// A law of `carom-impact` is converted with `From`. If it is given here, `restitution` must be its own, and `friction`
+    /// its own unless the law has none.
+    pub fn new(law: impl Law<f64, 3> + Send + Sync + 'static, restitution: f64, friction: f64) -> Self {
+        let coefficients = Coefficients { restitution, friction, ..Coefficients::default() };
+        Self { law: Arc::new(law), coefficients }
+    }
+
+    /// The law called `name` ([`carom_impact::LAW_NAMES`]), or `None` if there is none. Under the name `frictionless`,
+    /// `friction` does not act in impacts of this contact alone.
+    pub fn named(name: &str, coefficients: Coefficients) -> Option<Self> {
+        Some(Self { law: Arc::new(AnyLaw::named(name, coefficients)?), coefficients })
+    }
+
+    /// Coefficient of restitution of everything but impacts of this contact alone.
+    pub fn restitution(&self) -> f64 {
+        self.coefficients.restitution
+    }
+
+    /// Coulomb's coefficient of friction of everything but impacts of this contact alone.
+    pub fn friction(&self) -> f64 {
+        self.coefficients.friction
+    }
+
+    /// Whether this is a user's own law.
+    pub(crate) fn is_users(&self) -> bool {
+        self.known().is_none()
+    }
+}
+
+impl Deref for ContactLaw {
+    type Target = dyn Law<f64, 3> + Send + Sync;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.law
+    }
+}
+
+impl<L: Into<AnyLaw>> From<L> for ContactLaw {
+    fn from(law: L) -> Self {
+        let law = law.into();
+        Self { law: Arc::new(law), coefficients: law.coefficients() }
+    }
+}
+
+/// Laws of `carom-impact` are equal by value; a user's law equals its clones only.
+impl PartialEq for ContactLaw {
+    fn eq(&self, other: &Self) -> bool {
+        let same = match (self.known(), other.known()) {
+            (None, None) => Arc::ptr_eq(&self.law, &other.law),
+            (one, another) => one == another,
+        };
+        same && self.restitution() == other.restitution() && self.friction() == other.friction()
+    }
+}
+
+impl fmt::Debug for ContactLaw {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (restitution, friction) = (self.restitution(), self.friction());
+        let mut shown = f.debug_struct("ContactLaw");
+        match self.known() {
+            Some(law) => shown.field("law", &law),
+            None => shown.field("law", &self.name()),
+        };
+        shown.field("restitution", &restitution).field("friction", &friction).finish()
     }
 }

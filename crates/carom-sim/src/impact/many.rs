@@ -51,7 +51,7 @@ impl PreparedStrike<'_> {
     ) -> Result<(), SimError> {
         let count = states.count(self.aim.chain)?;
         let mut hit = self.outcome();
-        let asked = Asked { states, count, law };
+        let asked = (states, count, law);
         match &mut self.pass {
             Route::Plane(pass) => pass.many(&self.aim, asked, &mut hit, &mut each),
             Route::Space(pass) => pass.many(&self.aim, asked, &mut hit, &mut each),
@@ -59,16 +59,12 @@ impl PreparedStrike<'_> {
     }
 }
 
-/// States and their law.
-struct Asked<'s> {
-    states: States<'s>,
-    count: usize,
-    law: &'s dyn Law<f64, 3>,
-}
+/// States, their number and their law.
+type Asked<'s> = (States<'s>, usize, &'s dyn Law<f64, 3>);
 
 impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: usize> Pass<'_, A, P, D> {
     fn many(&mut self, aim: &Aim, asked: Asked, hit: &mut ChainImpact, each: Each) -> Result<(), SimError> {
-        let Asked { states, count, law } = asked;
+        let (states, count, law) = asked;
         let (mut q, mut qd) = (vec![0.0; states.q.len()], vec![0.0; states.qd.len()]);
         if self.workspace.is_some() {
             for k in 0..count {
@@ -83,7 +79,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
         let receive = OneByOne {
             aim,
             pass: &*self,
-            asked: Asked { states, count, law },
+            asked,
             hit,
             each,
             state: (q, qd),
@@ -127,7 +123,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
     ) where
         Lanes<L>: SimdRealField + Copy,
     {
-        for lane in 0..L.min(self.asked.count - at) {
+        for lane in 0..L.min(self.asked.1 - at) {
             self.resolve(at + lane, lane, &found);
         }
     }
@@ -142,9 +138,9 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
     ) where
         Lanes<L>: SimdRealField + Copy,
     {
-        let Self { aim, pass, asked, hit, each, state: (q, qd), vectors, numbers } = self;
-        read((asked.states.q, q), k);
-        read((asked.states.qd, qd), k);
+        let Self { aim, pass, asked: (states, _, law), hit, each, state: (q, qd), vectors, numbers } = self;
+        read((states.q, q), k);
+        read((states.qd, qd), k);
         let n = qd.len();
         let vector = |of: B::Vector| SVector::from_fn(|i, _| B::linear_part(of, i).0[lane]);
         let (jacobian, rest) = vectors.split_at_mut(n);
@@ -172,7 +168,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
             levers,
         };
         let Pass { chain, axes, place, .. } = pass;
-        let mut one = OneImpact { aim, chain, axes, place, q, qd, law: asked.law, hit, done: Ok(()) };
+        let mut one = OneImpact { aim, chain, axes, place, q, qd, law: *law, hit, done: Ok(()) };
         let done = one.resolve(&response);
         each(k, done.map(|()| &**hit));
     }

@@ -1,4 +1,5 @@
-//! What a controller has to say. Each is a type with [`ControlLaw`] in a file of its own, and a row of [`Drive`](super::Drive).
+//! What a controller has to say. Each is a type with [`ControlLaw`] in a file of its own, and a row of [`Drive`](super::Drive), which
+//! has what can be said in a word.
 
 use super::gains::{Gains, Motor};
 use super::spring::SpringAt;
@@ -15,20 +16,11 @@ pub(crate) type State<'a> = (&'a [f64], &'a [f64]);
 /// Takes joint forces by number of qd.
 pub(crate) type Add<'a> = &'a mut dyn FnMut(usize, f64);
 
-/// A controller of a [`Drive`](super::Drive). The defaults are those of a controller without gains whose forces do not depend on time
-/// explicitly.
+/// A controller of a [`Drive`](super::Drive). The defaults are those of a controller without gains and kinks.
 pub(crate) trait ControlLaw {
-    /// Its name in scene files; for a user's controller its own.
-    fn name(&self) -> &str;
-
     /// What in it depends on the chain, each with its name in messages.
     fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
         Vec::new()
-    }
-
-    /// Whether runs can be differentiated by its numbers.
-    fn has_parameters(&self) -> bool {
-        false
     }
 
     /// Checks that it fits a robot, beside its [`Self::parts`].
@@ -39,24 +31,9 @@ pub(crate) trait ControlLaw {
         Ok(())
     }
 
-    /// Whether the joint forces do not depend on time explicitly.
-    fn is_steady(&self) -> bool {
-        true
-    }
-
-    /// Whether its formulas are those of a tree, without loops.
-    fn is_of_trees(&self) -> bool {
-        false
-    }
-
     /// Stiffness and damping of a joint with one coordinate, by its number of qd.
     fn gains(&self, _v: usize) -> (f64, f64) {
         (0.0, 0.0)
-    }
-
-    /// The rate of its feedback beside [`Self::gains`], 1/s.
-    fn rate(&self) -> f64 {
-        0.0
     }
 
     /// The next time at which the forces have a kink.

@@ -81,14 +81,6 @@ impl PartialEq for UserController {
 }
 
 impl ControlLaw for UserController {
-    fn name(&self) -> &str {
-        self.0.name()
-    }
-
-    fn is_steady(&self) -> bool {
-        self.0.is_steady()
-    }
-
     fn next_kink(&self, time: f64) -> Option<f64> {
         self.0.next_kink(time).filter(|kink| *kink > time)
     }

@@ -74,7 +74,43 @@ impl Drive {
 
     /// Its name in scene files; for a user's controller its own.
     pub fn name(&self) -> &str {
-        self.law().name()
+        match self {
+            Self::Off => "off",
+            Self::Constant(_) => "constant",
+            Self::Table(_) => "torque-file",
+            Self::Pd(_) => "pd",
+            Self::Tracking(_) => "tracking",
+            Self::GravityCompensation => "gravity-compensation",
+            Self::Transition(_) => "transition",
+            Self::ImpactInvariant(_) => "impact-invariant",
+            Self::User(own) => own.0.name(),
+            Self::Robots(_) => "one for each robot",
+        }
+    }
+
+    /// Whether the joint forces do not depend on time explicitly.
+    pub(crate) fn is_steady(&self) -> bool {
+        self.each_robot().all(|(_, own)| match own {
+            Self::Table(_) | Self::Tracking(_) => false,
+            Self::User(own) => own.0.is_steady(),
+            _ => true,
+        })
+    }
+
+    /// Whether a formula of it is that of a tree, without loops.
+    pub(crate) fn is_of_trees(&self) -> bool {
+        self.each_robot().any(|(_, own)| matches!(own, Self::Transition(_) | Self::ImpactInvariant(_)))
+    }
+
+    /// The rate of its feedback beside the gains of joints, 1/s.
+    pub(crate) fn rate(&self) -> f64 {
+        let rate = |own: &Self| if let Self::Transition(own) = own { own.gain } else { 0.0 };
+        self.each_robot().map(|(_, own)| rate(own)).fold(0.0, f64::max)
+    }
+
+    /// The next time at which the forces have a kink; infinite without one.
+    pub(crate) fn next_kink(&self, time: f64) -> f64 {
+        self.each_robot().filter_map(|(_, own)| own.law().next_kink(time)).fold(f64::INFINITY, f64::min)
     }
 
     /// Its controller.
@@ -98,18 +134,13 @@ impl Drive {
         named.chain(own)
     }
 
-    /// The controllers of all robots.
-    pub(crate) fn laws(&self) -> impl Iterator<Item = &dyn ControlLaw> {
-        self.each_robot().map(|(_, drive)| drive.law())
-    }
-
     fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
         of_controller!(self, own => own.parts())
     }
 
     /// The numbers at a joint by which a run can be differentiated, each with its name. `nv`: number of velocities of the chain.
     pub(super) fn parameters(&mut self, joint: &Motor, nv: usize) -> Vec<(&'static str, &mut f64)> {
-        if !self.law().has_parameters() {
+        if !matches!(self, Self::Constant(_) | Self::Pd(_)) {
             return Vec::new();
         }
         let number = |(name, part)| match part {
@@ -229,10 +260,6 @@ impl RobotDrive {
 }
 
 impl ControlLaw for Vec<RobotDrive> {
-    fn name(&self) -> &str {
-        "one for each robot"
-    }
-
     fn check(&self, &Driven { chain, motors, .. }: &Driven) -> Result<(), SimError> {
         self.iter().try_for_each(|it| {
             let rule = "the entries of a robot's drive must be entries of qd";

@@ -69,10 +69,6 @@ fn check_unit(normal: &Vector3<f64>) -> Result<(), SimError> {
 }
 
 impl ControlLaw for Transition {
-    fn name(&self) -> &str {
-        "transition"
-    }
-
     fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
         vec![("tip", Part::Link(&mut self.tip))]
     }
@@ -81,14 +77,6 @@ impl ControlLaw for Transition {
         not_negative("gain", self.gain)?;
         not_negative("press", self.press)?;
         check_unit(&self.normal)
-    }
-
-    fn is_of_trees(&self) -> bool {
-        true
-    }
-
-    fn rate(&self) -> f64 {
-        self.gain
     }
 
     fn drive<A: Space>(&self, asked: &Asked, body: Body<A>, (q, qd): State, add: Add) -> Result<(), SimError> {
@@ -119,10 +107,6 @@ impl ControlLaw for Transition {
 }
 
 impl ControlLaw for ImpactInvariant {
-    fn name(&self) -> &str {
-        "impact-invariant"
-    }
-
     fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
         let Self { tip, kp, kd, target, velocity, .. } = self;
         let gains = [("kp", Part::Gains(kp)), ("kd", Part::Gains(kd))];
@@ -142,10 +126,6 @@ impl ControlLaw for ImpactInvariant {
             return Err(ChainError::NotReducible(why).into());
         }
         check_unit(&self.normal)
-    }
-
-    fn is_of_trees(&self) -> bool {
-        true
     }
 
     fn gains(&self, v: usize) -> (f64, f64) {

@@ -54,23 +54,24 @@ impl Parameter {
     /// The coefficient of restitution of all contacts together that are under a law of `carom-impact` and have one between 0
     /// and 1, both excluded.
     pub fn restitution() -> Self {
-        Self::new("restitution", 1.0, |simulation, delta| {
-            coefficients(simulation, |own| {
-                if own.restitution > 0.0 && own.restitution < 1.0 {
-                    own.restitution += delta;
-                }
-            });
-        })
+        Self::coefficient("restitution", RESTITUTION)
     }
 
     /// The coefficient of friction of all contacts together that are under a law of `carom-impact` and have friction.
     pub fn friction() -> Self {
-        Self::new("friction", 1.0, |simulation, delta| {
-            coefficients(simulation, |own| {
-                if own.friction > 0.0 {
-                    own.friction += delta;
+        Self::coefficient("friction", FRICTION)
+    }
+
+    fn coefficient(name: &str, own: Coefficient) -> Self {
+        Self::new(name, 1.0, move |simulation, delta| {
+            for touch in simulation.touches.iter_mut().filter(|touch| touch.link().is_some()) {
+                let law = &mut touch.contact.law;
+                let mut changed = law.coefficients;
+                if let Some(number) = own(&mut changed).filter(|_| !law.is_users()) {
+                    *number += delta;
+                    *law = ContactLaw::named(law.name(), changed).unwrap_or_else(|| law.clone());
                 }
-            });
+            }
         })
     }
 
@@ -79,13 +80,10 @@ impl Parameter {
     pub fn all(simulation: &Simulation) -> Vec<Self> {
         let own = simulation.touches.iter().filter(|touch| touch.link().is_some()).map(|touch| &touch.contact.law);
         let own: Vec<&ContactLaw> = own.filter(|law| !law.is_users()).collect();
+        let has = |number: Coefficient| own.iter().any(|law| number(&mut law.coefficients.clone()).is_some());
         let mut all = Vec::new();
-        if own.iter().any(|law| law.restitution() > 0.0 && law.restitution() < 1.0) {
-            all.push(Self::restitution());
-        }
-        if own.iter().any(|law| law.friction() > 0.0) {
-            all.push(Self::friction());
-        }
+        all.extend(has(RESTITUTION).then(Self::restitution));
+        all.extend(has(FRICTION).then(Self::friction));
         for motor in motors(&simulation.chain) {
             let joint =
                 simulation.chain.joint_of_velocity(motor.v).map_or_else(String::new, |joint| joint.name.clone());
@@ -102,18 +100,10 @@ impl Parameter {
     }
 }
 
-/// Changes the coefficients of all contacts of links under laws of `carom-impact`.
-fn coefficients(simulation: &mut Simulation, change: impl Fn(&mut Coefficients)) {
-    for touch in simulation.touches.iter_mut().filter(|touch| touch.link().is_some()) {
-        let mut own = touch.contact.law.coefficients;
-        change(&mut own);
-        let known = !touch.contact.law.is_users();
-        let changed = ContactLaw::named(touch.contact.law.name(), own).filter(|_| known);
-        if let Some(changed) = changed {
-            touch.contact.law = changed;
-        }
-    }
-}
+/// A coefficient by which a run can be differentiated, where a contact has it.
+type Coefficient = fn(&mut Coefficients) -> Option<&mut f64>;
+const RESTITUTION: Coefficient = |own| Some(&mut own.restitution).filter(|e| **e > 0.0 && **e < 1.0);
+const FRICTION: Coefficient = |own| Some(&mut own.friction).filter(|mu| **mu > 0.0);
 
 impl fmt::Debug for Parameter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -17,17 +17,9 @@ pub struct Pd {
 }
 
 impl ControlLaw for Pd {
-    fn name(&self) -> &str {
-        "pd"
-    }
-
     fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
         let Self { kp, kd, target } = self;
         vec![("kp", Part::Gains(kp)), ("kd", Part::Gains(kd)), ("target", Part::Q(target))]
-    }
-
-    fn has_parameters(&self) -> bool {
-        true
     }
 
     fn check(&self, robot: &Driven) -> Result<(), SimError> {

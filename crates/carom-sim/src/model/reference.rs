@@ -12,7 +12,7 @@
 //! Guide to Splines*, chapter IV). Three points give a parabola, two a line, one a constant.
 
 use crate::error::{SimError, require};
-use crate::state::next_of;
+use crate::state::{check_rows, next_of};
 
 /// Positions of joints over time, with continuous velocity and acceleration: cubic splines. Before the first and after the
 /// last time the joints rest at the first and last position.
@@ -36,14 +36,10 @@ impl Reference {
     /// # Errors
     /// [`SimError::Setting`]: no row, rows of different lengths, times that do not ascend, numbers that are not finite.
     pub fn new(times: Vec<f64>, positions: &[Vec<f64>]) -> Result<Self, SimError> {
-        let paired = !times.is_empty() && times.len() == positions.len();
-        let rule = "it must be the number of times, and at least 1";
-        require(paired, "number of rows of the reference", positions.len() as f64, rule)?;
-        for &x in times.iter().chain(positions.iter().flatten()) {
-            require(x.is_finite(), "number in the reference", x, "it must be finite")?;
-        }
+        let names = ["number of rows of the reference", "number in the reference", "time in the reference"];
+        check_rows(names, &times, positions)?;
         for pair in times.windows(2) {
-            require(pair[0] < pair[1], "time in the reference", pair[1], "the times of a reference must ascend")?;
+            require(pair[0] < pair[1], names[2], pair[1], "the times of a reference must ascend")?;
         }
         let width = positions[0].len();
         for length in positions.iter().map(Vec::len) {

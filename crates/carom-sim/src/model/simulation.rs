@@ -1,6 +1,5 @@
 //! The description of a simulation: a chain with its contacts, and the settings. It runs in `run/stream.rs`.
 
-use super::control_law::ControlLaw;
 use super::drive::Drive;
 use super::gains::motors;
 use super::loops::Loop;
@@ -174,29 +173,20 @@ impl Simulation {
     /// [`SimError`]: an invalid state or setting.
     pub(crate) fn check(&self, q: &[f64], qd: &[f64], duration: f64, every: Option<f64>) -> Result<(), SimError> {
         self.chain.check_state(q, qd)?;
-        let positive =
-            |what, value: f64| require(value > 0.0 && value.is_finite(), what, value, "it must be positive and finite");
-        for &x in &self.gravity {
-            require(x.is_finite(), "gravity", x, "every component must be finite")?;
+        let steps = [("contact step", self.contact_step), ("longest step", self.max_step)];
+        let steps = || every.map(|every| ("sampling interval", every)).into_iter().chain(steps);
+        let times = [("duration", duration), ("tolerance", self.tolerance), ("Zeno time", self.zeno_time)];
+        for (what, value) in times.into_iter().chain(steps()) {
+            require(value > 0.0 && value.is_finite(), what, value, "it must be positive and finite")?;
         }
-        positive("duration", duration)?;
-        positive("tolerance", self.tolerance)?;
-        positive("longest step", self.max_step)?;
-        positive("Zeno time", self.zeno_time)?;
-        positive("contact step", self.contact_step)?;
-        let countable = |what, value: f64| {
+        for (what, value) in steps() {
             let rule = "the duration is more than 1e10 times as long: shorten the duration, or lengthen this";
-            require(duration / value <= COUNTABLE, what, value, rule)
-        };
-        if let Some(every) = every {
-            positive("sampling interval", every)?;
-            countable("sampling interval", every)?;
+            require(duration / value <= COUNTABLE, what, value, rule)?;
         }
-        countable("contact step", self.contact_step)?;
-        countable("longest step", self.max_step)?;
         let rule = "no integration reaches it: numbers are rounded to 2.2e-16 of their size";
         require(self.tolerance >= f64::EPSILON, "tolerance", self.tolerance, rule)?;
         for &x in &self.gravity {
+            require(x.is_finite(), "gravity", x, "every component must be finite")?;
             let rule = "it must stay below 1e100 m/s²: squares of larger numbers overflow";
             require(x.abs() <= STRONGEST, "gravity", x, rule)?;
         }
@@ -206,15 +196,15 @@ impl Simulation {
         }
         let energetic = matches!(self.several, SeveralLaw::Energetic { .. }) && self.touches.len() > 1;
         for touch in &self.touches {
-            touch.contact.check(&touch.name)?;
-            let own = &touch.contact;
+            let (own, name) = (&touch.contact, &touch.name);
+            own.check(name)?;
             let friction = own.law.friction();
             if energetic && friction > 0.0 && own.compliance.is_none() && !own.latch {
                 let rule = "the energetic law for several contacts has no friction: set it to 0, or choose another law with \
                             several";
-                return Err(SimError::Contact { touch: touch.name.clone(), what: "friction", value: friction, rule });
+                return Err(SimError::Contact { touch: name.clone(), what: "friction", value: friction, rule });
             }
-            if let Some(compliance) = touch.contact.compliance {
+            if let Some(compliance) = own.compliance {
                 let rule = if touch.limit_of().is_some() {
                     "joint limits are rigid: remove the compliance, or give the joint a spring"
                 } else if self.stepping {
@@ -225,7 +215,7 @@ impl Simulation {
                     "contacts of spheres and contacts on half-spaces can be compliant, not those of other bodies with faces and edges: \
                      give the link a sphere, make the surface a halfspace, or set compliance = \"rigid\" in a [[contact.pair]]"
                 };
-                let (touch, what, value) = (touch.name.clone(), "compliance stiffness", compliance.stiffness);
+                let (touch, what, value) = (name.clone(), "compliance stiffness", compliance.stiffness);
                 return Err(SimError::Contact { touch, what, value, rule });
             }
         }
@@ -252,7 +242,7 @@ impl Simulation {
     /// [`SimError::Named`] for a drive that cannot be combined with loops.
     pub(crate) fn check_loops_of(&self, drive: &Drive) -> Result<(), SimError> {
         match self.loops.first() {
-            Some(first) if drive.laws().any(ControlLaw::is_of_trees) => {
+            Some(first) if drive.is_of_trees() => {
                 let rule = "cannot be combined with the controllers \"transition\" and \"impact-invariant\", whose formulas are \
                             those of a tree: choose another controller, or remove the loop";
                 Err(named("loop", &first.name, rule))
@@ -326,8 +316,10 @@ impl Simulation {
 
     /// The first time after `time` at which drives, outer forces or surfaces jump or have a kink; infinite without one.
     pub(crate) fn next_kink(&self, moving: &[&Moving], time: f64) -> f64 {
-        let kinks = self.drives().flat_map(Drive::laws).filter_map(|law| law.next_kink(time));
-        let kinks = kinks.chain(self.wrenches.iter().filter_map(|wrench| wrench.next_kink(time)));
+        let kinks = self
+            .drives()
+            .map(|drive| drive.next_kink(time))
+            .chain(self.wrenches.iter().filter_map(|wrench| wrench.next_kink(time)));
         let surfaces = moving.iter().filter_map(|moving| match moving {
             Moving::Given(motion) => motion.next_kink(time),
             _ => None,
@@ -337,8 +329,7 @@ impl Simulation {
 
     /// Whether a chain at rest at `time` stays at rest beside surfaces at rest: no drive and no outer force depends on time.
     pub(crate) fn is_steady(&self, time: f64) -> bool {
-        self.drives().flat_map(Drive::laws).all(ControlLaw::is_steady)
-            && self.wrenches.iter().all(|wrench| wrench.is_steady(time))
+        self.drives().all(Drive::is_steady) && self.wrenches.iter().all(|wrench| wrench.is_steady(time))
     }
 
     /// q and q̇ of a state, which begins with them.

@@ -2,7 +2,7 @@
 
 use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
 use crate::error::{SimError, require};
-use crate::state::{Space, View, between, next_of};
+use crate::state::{Space, View, between, check_rows, next_of};
 
 /// Motors off.
 pub(super) struct Off;
@@ -20,10 +20,6 @@ pub struct TorqueTable {
 }
 
 impl ControlLaw for Off {
-    fn name(&self) -> &str {
-        "off"
-    }
-
     fn drive<A: Space>(&self, _: &Asked, _: Body<A>, _: State, _: Add) -> Result<(), SimError> {
         Ok(())
     }
@@ -31,16 +27,8 @@ impl ControlLaw for Off {
 
 /// Constant joint forces.
 impl ControlLaw for Vec<f64> {
-    fn name(&self) -> &str {
-        "constant"
-    }
-
     fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
         vec![("torque", Part::V(self))]
-    }
-
-    fn has_parameters(&self) -> bool {
-        true
     }
 
     fn drive<A: Space>(&self, _: &Asked, _: Body<A>, _: State, add: Add) -> Result<(), SimError> {
@@ -50,25 +38,16 @@ impl ControlLaw for Vec<f64> {
 }
 
 impl ControlLaw for TorqueTable {
-    fn name(&self) -> &str {
-        "torque-file"
-    }
-
     fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
         self.forces.iter_mut().map(|row| ("tau", Part::V(row))).collect()
     }
 
     fn check(&self, _: &Driven) -> Result<(), SimError> {
         let Self { times, forces } = self;
-        let rule = "it must be the number of times, and at least 1";
-        let paired = times.len() == forces.len() && !times.is_empty();
-        require(paired, "number of rows of the torque table", forces.len() as f64, rule)?;
+        let names = ["number of rows of the torque table", "number in the torque table", "time in the torque table"];
+        check_rows(names, times, forces)?;
         let rule = "the times of a torque table must ascend";
-        times.windows(2).try_for_each(|pair| require(pair[0] < pair[1], "time in the torque table", pair[1], rule))
-    }
-
-    fn is_steady(&self) -> bool {
-        false
+        times.windows(2).try_for_each(|pair| require(pair[0] < pair[1], names[2], pair[1], rule))
     }
 
     fn next_kink(&self, time: f64) -> Option<f64> {
@@ -84,10 +63,6 @@ impl ControlLaw for TorqueTable {
 }
 
 impl ControlLaw for GravityCompensation {
-    fn name(&self) -> &str {
-        "gravity-compensation"
-    }
-
     fn drive<A: Space>(
         &self,
         asked: &Asked,

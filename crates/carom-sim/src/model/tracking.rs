@@ -28,10 +28,6 @@ pub struct Tracking {
 }
 
 impl ControlLaw for Tracking {
-    fn name(&self) -> &str {
-        "tracking"
-    }
-
     fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
         vec![("kp", Part::Gains(&mut self.kp)), ("kd", Part::Gains(&mut self.kd))]
     }
@@ -43,10 +39,6 @@ impl ControlLaw for Tracking {
         let rule = "feed-forward needs a motor at each of them: set feed_forward = false for robots with a floating or \
                     planar joint";
         require(fed, "number of velocities of the robot", v.len() as f64, rule)
-    }
-
-    fn is_steady(&self) -> bool {
-        false
     }
 
     fn gains(&self, v: usize) -> (f64, f64) {

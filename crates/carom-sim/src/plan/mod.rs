@@ -122,6 +122,10 @@ impl Plan {
         self.left_out.push(Decision { what, choice: choice.into(), why: why.into() });
     }
 
+    fn bound(&mut self, what: &'static str, choice: String, (bound, of): (f64, &str)) {
+        self.bounded.push(Bounded { what, choice, bound, of: of.to_owned() });
+    }
+
     /// The planar chain, if the simulation runs in the plane.
     pub(crate) fn in_plane(&self) -> Option<&PlanarChain> {
         self.flat.as_ref().filter(|_| self.simulation.planar)
@@ -154,8 +158,8 @@ impl Plan {
                 if tilt > EQUAL {
                     let bound = 2.0 * tilt * reach;
                     let choice = format!("joint axes turned by up to {} rad to be parallel", tidy(tilt));
-                    let of = "displacement of any point, m: 2 × tilt × sum of the reaches of the joints".to_owned();
-                    self.bounded.push(Bounded { what: "tilt", choice, bound, of });
+                    let of = "displacement of any point, m: 2 × tilt × sum of the reaches of the joints";
+                    self.bound("tilt", choice, (bound, of));
                 }
             }
             None if full => {}
@@ -191,10 +195,7 @@ impl Plan {
         let faces = pairs.iter().any(|touch| !touch.is_covered());
         let several = touches.len() > 1 || faces;
         let step = self.simulation.contact_step;
-        let choice = match count {
-            0 => "none".to_owned(),
-            _ => listed(&pairs),
-        };
+        let choice = if count == 0 { "none".to_owned() } else { listed(&pairs) };
         let none = touches.is_empty();
         let why = format!("{closed} gaps in closed form, {search} by a distance query; {} joint limits", limits.len());
         self.keep("contacts", choice, why);
@@ -293,20 +294,15 @@ impl Plan {
                 "left out of every impact whose bound is below {share}; the run reports their number and the largest bound"
             );
             let of = "change of the contact point's velocity by friction, relative to its velocity before, at the start pose";
-            self.bounded.push(Bounded { what: "friction", choice, bound, of: of.to_owned() });
+            self.bound("friction", choice, (bound, of));
         }
         if let Some(share) = neglect.filter(|_| compliant) {
             let choice =
                 format!("treated as rigid at every impact with a penetration below {share} of the reach of the chain");
             let of =
-                "largest penetration, m, at the start pose and velocity; the run reports the largest of all impacts"
-                    .to_owned();
-            self.bounded.push(Bounded {
-                what: "compliance",
-                choice,
-                bound: depth_at_start(&self.simulation, &self.q, &self.qd)?,
-                of,
-            });
+                "largest penetration, m, at the start pose and velocity; the run reports the largest of all impacts";
+            let depth = depth_at_start(&self.simulation, &self.q, &self.qd)?;
+            self.bound("compliance", choice, (depth, of));
         }
         Ok(())
     }

@@ -87,7 +87,7 @@ pub(super) fn merged(touches: &[Touch], flat: &PlanarChain) -> Vec<Touch> {
 /// of M⁻¹D and the root of that of M⁻¹K.
 pub(super) fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
     let chain = &simulation.chain;
-    let tracked = simulation.drives().flat_map(Drive::laws).map(|law| law.rate()).fold(0.0, f64::max);
+    let tracked = simulation.drives().map(Drive::rate).fold(0.0, f64::max);
     let (mut stiffness, mut damping) = (vec![0.0; chain.nv()], simulation.damping());
     for motor in motors(chain) {
         let gains = simulation.drives().map(|drive| drive.law().gains(motor.v));

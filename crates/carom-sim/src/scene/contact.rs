@@ -169,8 +169,8 @@ pub(crate) fn apply(
     if let Some(joint) = joint {
         chain.joint(joint).map_err(|e| e.to_string())?;
     }
-    let tangential = own.tangential_restitution.is_some() || own.friction.is_some();
-    if joint.is_some() && (tangential || own.law.is_some() || own.compliance.is_some()) {
+    let of_limits = |key: &&str| ["restitution", "latch", "relative_stiffness"].contains(key);
+    if joint.is_some() && !own.given.iter().all(of_limits) {
         let rule = "has joint: joint limits have restitution, latch and relative_stiffness only, remove law, \
                     tangential_restitution, friction and compliance";
         return Err(rule.into());

@@ -40,17 +40,12 @@ impl File {
     /// The files of the robots and of all tables; meshes are not among them.
     pub fn tables(&self) -> Vec<&PathBuf> {
         let Table((_, run)) = &self.run;
-        let mut named = Vec::new();
+        let mut named: Vec<&PathBuf> = Vec::new();
         for Member { load, start, control, .. } in &self.robot.all {
-            named.extend([
-                Some(&load.urdf),
-                start.srdf.as_ref(),
-                control.torque_file.as_ref(),
-                control.reference.as_ref(),
-            ]);
+            named.push(&load.urdf);
+            named.extend(start.srdf.iter().chain(&control.torque_file).chain(&control.reference));
         }
-        named.extend([run.torque_file.as_ref(), run.reference.as_ref()]);
-        let mut named: Vec<&PathBuf> = named.into_iter().flatten().collect();
+        named.extend(run.torque_file.iter().chain(&run.reference));
         named.extend(self.force.iter().filter_map(|it| it.file.as_ref()));
         for surface in &self.surface {
             named.extend(surface.motion.iter().filter_map(|motion| motion.file.as_ref()));

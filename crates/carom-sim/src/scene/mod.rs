@@ -1,19 +1,16 @@
 //! Scenes: reads robots, the surfaces around them, contact laws and run settings from a TOML file. The book
 //! documents the keys: `book/src/reference-scene.md`.
 
-mod beam;
 mod contact;
 mod drive;
 mod file;
 mod force;
 #[doc(hidden)] // shared with study files
 pub mod keys;
-mod loops;
 mod perturb;
 mod robots;
 mod surface;
 mod table;
-mod tip_velocity;
 mod toml;
 
 pub use perturb::{Distribution, Perturbation};
@@ -30,9 +27,8 @@ use carom_contact::LeftOut;
 use contact::{apply, between_links, overridden, several, unused};
 use drive::per_joint;
 use file::{File, Method, Model, Shape};
-use force::wrench;
+use force::{closure, wrench};
 use keys::Table;
-use loops::closure;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use surface::{Places, surface};

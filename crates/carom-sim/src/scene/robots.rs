@@ -1,16 +1,17 @@
-//! The robots of a scene: `[robot]`, or one `[[robot]]` for each of several.
+//! The robots of a scene: `[robot]`, or one `[[robot]]` for each of several, with their beams (`[[robot.beam]]`: links that bend) and
+//! their velocities at the start.
 
-use super::beam::{divided, straight};
 use super::drive::{Drives, World, positions};
-use super::file::{Control, Member, Robots, Target};
+use super::file::{Beam, Control, Member, Robots, Target, TipVelocity};
 use super::keys::TIP;
 use super::refuse;
-use super::tip_velocity::tip_velocity;
+use super::surface::half_space;
 use crate::contact::Surface;
 use crate::error::SimError;
 use crate::model::{Drive, RobotDrive, Simulation, Spring};
-use carom_chain::urdf::{self, JointType, LoadOptions};
-use carom_chain::{Chain, ChainError, Placed};
+use crate::state::EXACT;
+use carom_chain::urdf::{self, JointType, LoadOptions, Robot};
+use carom_chain::{Chain, ChainError, FramePoint, Placed};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 
@@ -277,4 +278,77 @@ impl Loaded {
         };
         self.robots.iter().filter_map(falls).collect()
     }
+}
+
+/// The robot with its beams divided into segments, and the springs of the bends; `name` gives the name of a joint in the chain.
+fn divided(
+    mut robot: Robot,
+    beams: &[Beam],
+    name: &impl Fn(&str) -> String,
+) -> Result<(Robot, Vec<Spring>), ChainError> {
+    let mut springs = Vec::new();
+    for it in beams {
+        let stiffness = it.bending.iter().map(|bending| (bending.axis.into(), bending.stiffness)).collect();
+        let beam = urdf::Beam { ends: [it.from.into(), it.to.into()], bends: it.bends, stiffness };
+        let bends: Vec<urdf::Bend>;
+        (robot, bends) = robot.with_segments(&it.link, &beam)?;
+        springs.extend(bends.into_iter().map(|bend| Spring {
+            joint: name(&bend.joint),
+            rest: 0.0,
+            stiffness: bend.stiffness,
+            damping: it.damping * bend.stiffness,
+        }));
+    }
+    Ok((robot, springs))
+}
+
+/// `numbers`, with zeros for the bends at its end if it is shorter by them than one of `lengths`.
+fn straight(mut numbers: Vec<f64>, beams: &[Beam], lengths: &[usize]) -> Vec<f64> {
+    let bends: usize = beams.iter().map(|it| it.bends * it.bending.len()).sum();
+    let whole = numbers.len() + bends;
+    if !lengths.contains(&numbers.len()) && lengths.contains(&whole) {
+        numbers.resize(whole, 0.0);
+    }
+    numbers
+}
+
+/// The joint velocities that give the tip its velocity.
+fn tip_velocity(
+    (chain, q): (&Chain, &[f64]),
+    link: &str,
+    tip: &TipVelocity,
+    surface: Option<&Surface>,
+) -> Result<Vec<f64>, String> {
+    let say = |e: ChainError| format!("tip_velocity: {e}");
+    let velocity = match (tip.velocity, tip.speed, tip.angle_deg, tip.along) {
+        (Some(velocity), None, None, None) => Vector3::from(velocity),
+        (None, Some(speed), Some(angle), Some(along)) => towards((speed, angle, along), surface)?,
+        _ => return Err("tip_velocity needs velocity, or speed, angle_deg and along: give one of both".into()),
+    };
+    let point = FramePoint::from(chain.frame(link).map_err(say)?);
+    let mut workspace = chain.workspace();
+    let found = workspace.update(chain, q).and_then(|mut at| at.tool_velocity(point, velocity, tip.motion.0));
+    Ok(found.map_err(say)?.as_slice().to_vec())
+}
+
+/// The velocity of this speed and angle to the first surface.
+fn towards((speed, angle, along): (f64, f64, [f64; 3]), surface: Option<&Surface>) -> Result<Vector3<f64>, String> {
+    let Some(normal) = half_space(surface) else {
+        return Err("tip_velocity with an angle is relative to the first surface, which must be a halfspace: give \
+                    tip_velocity.velocity or qd instead"
+            .into());
+    };
+    if !(speed.is_finite() && angle.is_finite()) {
+        return Err(format!("tip_velocity: speed {speed} and angle_deg {angle} must be finite"));
+    }
+    let alpha = angle.to_radians();
+    let along = Vector3::from(along);
+    let shadow = (along - normal * normal.dot(&along)).try_normalize(EXACT);
+    if shadow.is_none() && alpha.cos().abs() > EXACT {
+        let [x, y, z] = along.into();
+        return Err(format!(
+            "tip_velocity: along = [{x}, {y}, {z}] is normal to the surface: give a direction along the surface"
+        ));
+    }
+    Ok((shadow.unwrap_or_default() * alpha.cos() - normal * alpha.sin()) * speed)
 }

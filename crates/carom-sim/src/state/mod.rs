@@ -16,6 +16,6 @@ pub(crate) use closing::close_loops;
 pub(crate) use coupling::{Coupling, Loops};
 pub use moment::{ContactImpulse, Moment};
 pub use profile::Profile;
-pub(crate) use profile::{between, next_of};
+pub(crate) use profile::{between, check_rows, next_of};
 pub(crate) use reach::{beyond, reach};
 pub(crate) use space::{Felt, Space, View, pseudo_inverse};

@@ -18,15 +18,8 @@ impl<const N: usize> Profile<N> {
     /// [`SimError::Setting`]: no row, other numbers of times and of values, times that descend or are given more than twice,
     /// numbers that are not finite.
     pub fn new(times: &[f64], values: &[[f64; N]]) -> Result<Self, SimError> {
-        let paired = !times.is_empty() && times.len() == values.len();
-        let rule = "it must be the number of times, and at least 1";
-        require(paired, "number of rows of the table", values.len() as f64, rule)?;
-        for &x in times.iter().chain(values.iter().flatten()) {
-            require(x.is_finite(), "number in the table", x, "it must be finite")?;
-        }
-        for pair in times.windows(2) {
-            require(pair[0] <= pair[1], "time in the table", pair[1], "the times of a table must ascend")?;
-        }
+        let names = ["number of rows of the table", "number in the table", "time in the table"];
+        check_rows(names, times, values)?;
         for three in times.windows(3) {
             let rule = "a jump has two rows of the same time, not more";
             require(three[0] != three[2], "time in the table", three[0], rule)?;
@@ -102,6 +95,20 @@ pub(crate) fn between(times: &[f64], time: f64) -> (usize, usize, f64) {
         return (row, row, 0.0);
     }
     (after - 1, after, (time - times[after - 1]) / (times[after] - times[after - 1]))
+}
+
+/// Checks a table over time: what its number of rows, its numbers and its times are called in messages, its times, and its rows.
+pub(crate) fn check_rows<R: AsRef<[f64]>>(
+    [count, number, time]: [&'static str; 3],
+    times: &[f64],
+    rows: &[R],
+) -> Result<(), SimError> {
+    let paired = !times.is_empty() && times.len() == rows.len();
+    require(paired, count, rows.len() as f64, "it must be the number of times, and at least 1")?;
+    for &x in times.iter().chain(rows.iter().flat_map(AsRef::as_ref)) {
+        require(x.is_finite(), number, x, "it must be finite")?;
+    }
+    times.windows(2).try_for_each(|pair| require(pair[0] <= pair[1], time, pair[1], "the times of a table must ascend"))
 }
 
 /// The first of ascending times after `time`.
