@@ -20,11 +20,13 @@ fn links(robots: &[(&str, &str)]) -> Vec<Heavy> {
     robots.iter().flat_map(of).collect()
 }
 
+/// Time, q, qd and forces of the motors.
+type Sample = (f64, Vec<f64>, Vec<f64>, Vec<f64>);
+
 /// What a run has told.
 struct Told {
     events: Vec<Event>,
-    /// Time, q, qd and forces of the motors.
-    moments: Vec<(f64, Vec<f64>, Vec<f64>, Vec<f64>)>,
+    moments: Vec<Sample>,
     summary: Summary,
     sim: Simulation,
 }
