@@ -269,6 +269,34 @@ impl Chain {
         })
     }
 
+    /// The derivatives of `inverse_dynamics` by q and by qd, shape (2, nv, nv) or (B, 2, nv, nv): column k of the first is that along the
+    /// motion with unit qd[k], so that a floating joint has six. That by qdd is the mass matrix.
+    ///
+    /// Args:
+    ///     qdd: joint accelerations, shape of qd.
+    ///     gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
+    #[pyo3(signature = (q, qd, qdd, *, gravity=None, out=None))]
+    fn inverse_dynamics_derivatives<'py>(
+        &self,
+        py: Python<'py>,
+        q: Given<'_, 'py>,
+        qd: Given<'_, 'py>,
+        qdd: Given<'_, 'py>,
+        gravity: Maybe<'_, 'py>,
+        out: Maybe<'_, 'py>,
+    ) -> PyResult<Array<'py>> {
+        let gravity = free_fall(gravity)?;
+        let (vectors, nv) = ([("qd", qd), ("qdd", qdd)], self.chain.nv());
+        self.at_states(py, q, vectors, (&[2, nv, nv], out), |kin, [qd, qdd], out| {
+            let both = kin.inverse_dynamics_derivatives(qd, qdd, gravity)?;
+            // NumPy's rows are nalgebra's columns.
+            for (out, by) in out.chunks_mut((nv * nv).max(1)).zip(&both) {
+                out.copy_from_slice(by.transpose().as_slice());
+            }
+            Ok(())
+        })
+    }
+
     /// Forward dynamics q̈ = M⁻¹ (tau − C q̇ − g), shape (nv,) or (B, nv). Damping and friction of the joints are not included.
     ///
     /// Args:

@@ -47,6 +47,7 @@ mod fit;
 mod impact;
 mod impacts;
 mod laws;
+mod linear_run;
 mod notebook;
 mod order;
 mod outcome;
@@ -83,6 +84,8 @@ mod _carom {
     use crate::impacts::Impacts;
     #[pymodule_export]
     use crate::laws::{KnownLaw, PythonLaw};
+    #[pymodule_export]
+    use crate::linear_run::LinearRun;
     #[pymodule_export]
     use crate::outcome::{Outcome, law};
     #[pymodule_export]

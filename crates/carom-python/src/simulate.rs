@@ -1,6 +1,7 @@
 //! Methods of `Scene` that run it.
 
 use crate::error::{exceptions, raise};
+use crate::linear_run::LinearRun;
 use crate::run::{Run, Told};
 use crate::scene::Scene;
 use crate::sensitivity::{self, Sensitivity};
@@ -71,7 +72,7 @@ impl Scene {
     }
 
     /// The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters. Exact to
-    /// about 1e-8 of their size. The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
+    /// about 1e-9 of their size. The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
     /// background until it has ended, without a result.
     ///
     /// Args:
@@ -89,6 +90,25 @@ impl Scene {
         let found = left_behind(py, move |_| sensitivity::of(&plan, duration, &parameters))?;
         let (found, events) = self.functions.pass(found)?;
         Sensitivity::new(py, found, events)
+    }
+
+    /// The whole run as a linear map, whose transpose gives the gradient of a number by the start and by parameters at a cost that does not
+    /// depend on their number. The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
+    /// background until it has ended, without a result.
+    ///
+    /// Args:
+    ///     parameters: as of `sensitivity`.
+    ///
+    /// Raises:
+    ///     ValueError: a name that is no parameter of the scene.
+    ///     SimulationError: as `simulate`; a run that is not differentiable, with time and reason.
+    #[pyo3(signature = (parameters=None))]
+    fn linear_run(&self, py: Python<'_>, parameters: Option<Vec<String>>) -> PyResult<LinearRun> {
+        let plan = py.detach(|| self.scene.plan()).map_err(raise)?;
+        let parameters = sensitivity::chosen(&plan, parameters)?;
+        let duration = self.scene.duration;
+        let run = left_behind(py, move |_| plan.linear_run(duration, &parameters))?;
+        Ok(self.functions.pass(run)?.into())
     }
 
     /// Runs the scene `count` times from starts that `[run] perturb` of the scene disturbs, on all cores. Ctrl-C ends it.

@@ -104,12 +104,13 @@ def test_copies_and_pickles_show_what_the_object_shows(kind):
 
 def test_every_class_is_pickled_or_says_why_not():
     session = MADE["scene"].session()
-    for changing, words in [(session, "restart"), (session.save(), "restart")]:
+    linear = MADE["scene"].linear_run([])
+    for changing, words in [(session, "restart"), (session.save(), "restart"), (linear, "linear_run")]:
         for travel in (pickle.dumps, copy.deepcopy):
             with pytest.raises(TypeError, match=words):
                 travel(changing)
     classes = {getattr(carom, name) for name in carom.__all__ if isinstance(getattr(carom, name), type)}
-    tried = {base for own in [*MADE.values(), session, session.save()] for base in type(own).__mro__}
+    tried = {base for own in [*MADE.values(), session, session.save(), linear] for base in type(own).__mro__}
     left = {one for one in classes - tried if not issubclass(one, (Exception, int, carom.Law))}
     assert left == set()
 

@@ -98,6 +98,27 @@ def test_sensitivities_of_a_run_are_differences_of_runs():
         scene.sensitivity(["kp elbow"])
 
 
+def test_a_linear_run_and_its_transpose_are_the_columns_and_rows_of_the_sensitivity():
+    scene = carom.Scene.from_file(ROOT / "scenes/planar2.toml")
+    found, run = scene.sensitivity(), scene.linear_run()
+    assert run.names == found.names and repr(run) == "<carom.LinearRun by 5 numbers, 1 events>"
+    assert run.events == [(found.events[0].time, ["impact"])]
+    close(run.last[2], found.last[2], 1e-14)
+    for j, change in enumerate(np.eye(5)):
+        last, times = run.jvp(change)
+        close(last, found.last_by[:, j], 1e-12)
+        close(times, found.events[0].time_by[[j]], 1e-12)
+    for i, weights in enumerate(np.eye(4)):
+        close(run.vjp(weights), found.last_by[i], 1e-12)
+    close(run.vjp(np.zeros(4), [1.0]), found.events[0].time_by, 1e-12)
+    with pytest.raises(carom.SimulationError, match="number of derivatives by the final state"):
+        run.vjp([1.0])
+    keys = tomllib.loads((ROOT / "scenes/bounce.toml").read_text())
+    keys["run"]["method"] = "steps"
+    with pytest.raises(carom.SimulationError, match="the run has no derivative: at 0 s time steps"):
+        carom.Scene.from_dict(keys, folder=ROOT / "scenes").linear_run()
+
+
 def test_a_run_without_derivatives_tells_where_they_end():
     keys = tomllib.loads((ROOT / "scenes/bounce.toml").read_text())
     keys["run"]["method"] = "steps"

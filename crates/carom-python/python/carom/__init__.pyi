@@ -468,6 +468,15 @@ class Chain:
             qdd: joint accelerations, shape of qd.
             gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
         """
+    def inverse_dynamics_derivatives(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        qdd: ArrayLike,
+        *,
+        gravity: ArrayLike | None = None,
+        out: _Floats | None = None,
+    ) -> _Floats: ...
     def forward_dynamics(
         self,
         q: ArrayLike,
@@ -1170,6 +1179,7 @@ class Scene:
             ValueError: a name that is no parameter of the scene.
             SimulationError: as `simulate`. A run that is not differentiable is no error: see `Sensitivity.broken`.
         """
+    def linear_run(self, parameters: Sequence[str] | None = None) -> LinearRun: ...
     def session(self) -> Session:
         """Starts a Session: a simulation that a loop of one's own advances.
 
@@ -1356,6 +1366,10 @@ class Sensitivity:
     @property
     def broken(self) -> dict[str, Any] | None:
         """Where and why the derivatives end: a dict of time (s) and reason; None if they reach the end."""
+
+class LinearRun:
+    def jvp(self, change: ArrayLike) -> tuple[_Floats, _Floats]: ...
+    def vjp(self, last: ArrayLike, times: ArrayLike | None = None) -> _Floats: ...
 
 class Event:
     """An event of a run."""
