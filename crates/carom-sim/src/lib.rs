@@ -38,8 +38,8 @@ mod scene;
 mod state;
 
 pub use contact::{
-    Belt, Compliance, ContactLaw, ContactMode, ContactRule, Holding, Oscillation, SeveralLaw, Surface, SurfaceMotion,
-    Touch, Touches, Yielding,
+    Belt, Compliance, ContactLaw, ContactMode, ContactRule, Holding, Oscillation, RestitutionBySpeed, SeveralLaw,
+    Surface, SurfaceMotion, Touch, Touches, Yielding,
 };
 pub use error::SimError;
 pub use impact::{

@@ -2,6 +2,7 @@
 
 mod batch;
 mod beams;
+mod by_speed;
 mod census;
 mod censuses;
 mod compliant;

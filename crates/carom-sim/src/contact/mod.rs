@@ -1,5 +1,6 @@
 //! The possible contacts of a chain, their gaps, and the rules by which they act.
 
+mod by_speed;
 mod compliance;
 mod friction;
 mod gap;
@@ -11,6 +12,7 @@ mod several_law;
 mod surface;
 mod touch;
 
+pub use by_speed::RestitutionBySpeed;
 pub(crate) use compliance::Memory;
 pub use compliance::{Compliance, Holding, Yielding};
 pub(crate) use friction::friction_bound;

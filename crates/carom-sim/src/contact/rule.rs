@@ -1,5 +1,6 @@
 //! The rule of a contact: its impact law as a value, and what holds while the contact lasts.
 
+use super::by_speed::{BySpeed, RestitutionBySpeed};
 use super::compliance::Compliance;
 use crate::error::SimError;
 use carom_impact::{AnyLaw, Coefficients, Frictionless, Law};
@@ -53,6 +54,11 @@ impl ContactRule {
             check(own.restitution == e, "restitution", e, rule)?;
             check(own.friction == 0.0 || own.friction == friction, "friction", friction, rule)?;
         }
+        if let Some(by) = &self.law.by_speed {
+            by.check(touch)?;
+            let rule = "compliant contacts have one coefficient for all approach speeds: give a number, or compliance = \"rigid\"";
+            check(self.compliance.is_none(), "restitution by speed, at most", e, rule)?;
+        }
         self.compliance.map_or(Ok(()), |compliance| compliance.check(&self.law, touch))
     }
 }
@@ -94,6 +100,8 @@ pub struct ContactLaw {
     law: Arc<dyn Law<f64, 3> + Send + Sync>,
     /// `tangential_restitution` is read only where a scene replaces single values of a rule.
     pub(crate) coefficients: Coefficients,
+    /// Replaces the coefficient of restitution.
+    pub(crate) by_speed: Option<Arc<RestitutionBySpeed>>,
 }
 
 impl ContactLaw {
@@ -104,18 +112,58 @@ impl ContactLaw {
     /// its own unless the law has none.
     pub fn new(law: impl Law<f64, 3> + Send + Sync + 'static, restitution: f64, friction: f64) -> Self {
         let coefficients = Coefficients { restitution, friction, ..Coefficients::default() };
-        Self { law: Arc::new(law), coefficients }
+        Self { law: Arc::new(law), coefficients, by_speed: None }
+    }
+
+    /// A law of `carom-impact` whose coefficient of restitution depends on the approach speed. Joint limits can have it, too;
+    /// impacts of several contacts only under [`SeveralLaw::Moreau`](crate::SeveralLaw::Moreau), where each contact has the
+    /// coefficient of its own approach speed; compliant contacts not.
+    pub fn by_speed(law: impl Into<AnyLaw>, restitution: RestitutionBySpeed) -> Self {
+        let law = law.into();
+        Self::known_law(law, law.coefficients(), Some(Arc::new(restitution)))
+    }
+
+    fn known_law(law: AnyLaw, coefficients: Coefficients, by_speed: Option<Arc<RestitutionBySpeed>>) -> Self {
+        let restitution = by_speed.as_ref().map_or(coefficients.restitution, |by| by.largest());
+        let own: Arc<dyn Law<f64, 3> + Send + Sync> = match &by_speed {
+            Some(by) => Arc::new(BySpeed { law, restitution: by.clone() }),
+            None => Arc::new(law),
+        };
+        Self { law: own, coefficients: Coefficients { restitution, ..coefficients }, by_speed }
+    }
+
+    /// A law of `carom-impact` with other coefficients, of which the restitution is not used where it depends on the approach
+    /// speed. `None`: a user's own law.
+    pub(crate) fn with(&self, coefficients: Coefficients) -> Option<Self> {
+        if self.is_users() {
+            return None;
+        }
+        Self::of(self.name(), coefficients, self.by_speed.clone())
     }
 
     /// The law called `name` ([`carom_impact::LAW_NAMES`]), or `None` if there is none. Under the name `frictionless`,
     /// `friction` does not act in impacts of this contact alone.
     pub fn named(name: &str, coefficients: Coefficients) -> Option<Self> {
-        Some(Self { law: Arc::new(AnyLaw::named(name, coefficients)?), coefficients })
+        Self::of(name, coefficients, None)
     }
 
-    /// Coefficient of restitution of everything but impacts of this contact alone.
+    pub(crate) fn of(
+        name: &str,
+        coefficients: Coefficients,
+        by_speed: Option<Arc<RestitutionBySpeed>>,
+    ) -> Option<Self> {
+        Some(Self::known_law(AnyLaw::named(name, coefficients)?, coefficients, by_speed))
+    }
+
+    /// Coefficient of restitution of everything but impacts of this contact alone; the largest one, where it depends on the
+    /// approach speed.
     pub fn restitution(&self) -> f64 {
         self.coefficients.restitution
+    }
+
+    /// The same at an approach speed, m/s.
+    pub(crate) fn restitution_at(&self, speed: f64) -> f64 {
+        self.by_speed.as_ref().map_or(self.coefficients.restitution, |by| by.at(speed))
     }
 
     /// Coulomb's coefficient of friction of everything but impacts of this contact alone.
@@ -125,7 +173,7 @@ impl ContactLaw {
 
     /// Whether this is a user's own law.
     pub(crate) fn is_users(&self) -> bool {
-        self.known().is_none()
+        self.known().is_none() && self.by_speed.is_none()
     }
 }
 
@@ -140,7 +188,7 @@ impl Deref for ContactLaw {
 impl<L: Into<AnyLaw>> From<L> for ContactLaw {
     fn from(law: L) -> Self {
         let law = law.into();
-        Self { law: Arc::new(law), coefficients: law.coefficients() }
+        Self::known_law(law, law.coefficients(), None)
     }
 }
 
@@ -148,21 +196,29 @@ impl<L: Into<AnyLaw>> From<L> for ContactLaw {
 impl PartialEq for ContactLaw {
     fn eq(&self, other: &Self) -> bool {
         let same = match (self.known(), other.known()) {
+            (None, None) if self.by_speed.is_some() => {
+                self.name() == other.name() && self.coefficients == other.coefficients
+            }
             (None, None) => Arc::ptr_eq(&self.law, &other.law),
             (one, another) => one == another,
         };
+        let same = same && self.by_speed == other.by_speed;
         same && self.restitution() == other.restitution() && self.friction() == other.friction()
     }
 }
 
 impl fmt::Debug for ContactLaw {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (restitution, friction) = (self.restitution(), self.friction());
+        let friction = self.friction();
         let mut shown = f.debug_struct("ContactLaw");
         match self.known() {
             Some(law) => shown.field("law", &law),
             None => shown.field("law", &self.name()),
         };
-        shown.field("restitution", &restitution).field("friction", &friction).finish()
+        match &self.by_speed {
+            Some(by) => shown.field("restitution", by),
+            None => shown.field("restitution", &self.restitution()),
+        };
+        shown.field("friction", &friction).finish()
     }
 }

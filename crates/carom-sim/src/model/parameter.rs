@@ -52,7 +52,7 @@ impl Parameter {
     }
 
     /// The coefficient of restitution of all contacts together that are under a law of `carom-impact` and have one between 0
-    /// and 1, both excluded.
+    /// and 1, both excluded, for all approach speeds.
     pub fn restitution() -> Self {
         Self::coefficient("restitution", RESTITUTION)
     }
@@ -67,9 +67,9 @@ impl Parameter {
             for touch in simulation.touches.iter_mut().filter(|touch| touch.link().is_some()) {
                 let law = &mut touch.contact.law;
                 let mut changed = law.coefficients;
-                if let Some(number) = own(&mut changed).filter(|_| !law.is_users()) {
+                if let Some(number) = own(law, &mut changed) {
                     *number += delta;
-                    *law = ContactLaw::named(law.name(), changed).unwrap_or_else(|| law.clone());
+                    *law = law.with(changed).unwrap_or_else(|| law.clone());
                 }
             }
         })
@@ -80,7 +80,7 @@ impl Parameter {
     pub fn all(simulation: &Simulation) -> Vec<Self> {
         let own = simulation.touches.iter().filter(|touch| touch.link().is_some()).map(|touch| &touch.contact.law);
         let own: Vec<&ContactLaw> = own.filter(|law| !law.is_users()).collect();
-        let has = |number: Coefficient| own.iter().any(|law| number(&mut law.coefficients.clone()).is_some());
+        let has = |number: Coefficient| own.iter().any(|law| number(law, &mut law.coefficients.clone()).is_some());
         let mut all = Vec::new();
         all.extend(has(RESTITUTION).then(Self::restitution));
         all.extend(has(FRICTION).then(Self::friction));
@@ -101,9 +101,11 @@ impl Parameter {
 }
 
 /// A coefficient by which a run can be differentiated, where a contact has it.
-type Coefficient = fn(&mut Coefficients) -> Option<&mut f64>;
-const RESTITUTION: Coefficient = |own| Some(&mut own.restitution).filter(|e| **e > 0.0 && **e < 1.0);
-const FRICTION: Coefficient = |own| Some(&mut own.friction).filter(|mu| **mu > 0.0);
+type Coefficient = fn(&ContactLaw, &mut Coefficients) -> Option<&mut f64>;
+const RESTITUTION: Coefficient = |law, own| {
+    Some(&mut own.restitution).filter(|e| law.by_speed.is_none() && **e > 0.0 && **e < 1.0)
+};
+const FRICTION: Coefficient = |_, own| Some(&mut own.friction).filter(|mu| **mu > 0.0);
 
 impl fmt::Debug for Parameter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -199,6 +199,11 @@ impl Simulation {
             let (own, name) = (&touch.contact, &touch.name);
             own.check(name)?;
             let friction = own.law.friction();
+            if own.law.by_speed.is_some() && self.several != SeveralLaw::Moreau && self.touches.len() > 1 {
+                let (touch, what) = (touch.name.clone(), "restitution by speed, at most");
+                let rule = "only several = \"moreau\" has a restitution that depends on the approach speed: choose it, or give a number";
+                return Err(SimError::Contact { touch, what, value: own.law.restitution(), rule });
+            }
             if energetic && friction > 0.0 && own.compliance.is_none() && !own.latch {
                 let rule = "the energetic law for several contacts has no friction: set it to 0, or choose another law with \
                             several";

@@ -292,12 +292,19 @@ impl Constraints {
     }
 
     /// The laws of the rows in a complementarity problem: of forces and accelerations, or of impulses and velocities, over a time `span` (1
-    /// for forces) in which the force of dry friction has a bound. `elastic`: with the coefficients of restitution.
-    pub fn laws(&self, sim: &Simulation, dry: &[DryJoint], span: f64, elastic: bool) -> Vec<Constraint> {
+    /// for forces) in which the force of dry friction has a bound. `before`: the relative velocities before the impact, by row;
+    /// `None`: without restitution.
+    pub fn laws(
+        &self,
+        sim: &Simulation,
+        dry: &[DryJoint],
+        span: f64,
+        before: Option<&DVector<f64>>,
+    ) -> Vec<Constraint> {
         let mut laws = Vec::new();
         for contact in &self.contacts {
             let law = &sim.touches[contact.own.touch].contact.law;
-            let restitution = if elastic { law.restitution() } else { 0.0 };
+            let restitution = before.map_or(0.0, |u| law.restitution_at(-u[contact.rows.end - 1]));
             match contact.own.hold {
                 Hold::Latched => laws.extend(contact.rows.clone().map(|_| Constraint::Held)),
                 _ if contact.rows.len() == 3 => {

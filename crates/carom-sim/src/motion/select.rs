@@ -139,7 +139,7 @@ impl<A: Space> Motion<'_, A> {
         let entries: Vec<Lasting> = entries.iter().map(at_rest).collect();
         self.assemble((time, y), &entries, Detail::ROWS, found)?;
         let (delassus, free) = (found.delassus(), found.offset());
-        let constraints = found.constraints.laws(self.sim, &self.active.dry, 1.0, false);
+        let constraints = found.constraints.laws(self.sim, &self.active.dry, 1.0, None);
         let problem = SeveralProblem::of_accelerations(delassus.clone(), free.clone(), constraints)?;
         let held = if start.is_none() { self.all_held(found, &free) } else { None };
         let start = start.or(held.as_ref()).filter(|start| start.len() == free.len());

@@ -15,13 +15,14 @@
 
 mod numbers;
 
-use crate::contact::{Compliance, Touch};
+use crate::contact::Touch;
 use crate::error::SimError;
 use crate::model::{Drive, Integrator, Simulation};
 use crate::scene::Scene;
 use crate::state::{EQUAL, EXACT, beyond};
 use carom_chain::PlanarChain;
 use carom_chain::urdf::JointType;
+use carom_impact::LawInfo;
 use nalgebra::Vector3;
 use numbers::{bound_at_start, depth_at_start, fastest_rate, merged, without_motor};
 use serde::Serialize;
@@ -105,6 +106,7 @@ impl Scene {
         plan.loops();
         plan.contacts(self);
         plan.compliance();
+        plan.by_speed();
         plan.friction()?;
         plan.gravity();
         plan.drive();
@@ -225,14 +227,7 @@ impl Plan {
     /// The compliant contacts, those with the same compliance together.
     fn compliance(&mut self) {
         let touches = &self.simulation.touches;
-        let mut kinds: Vec<(Compliance, Vec<&Touch>)> = Vec::new();
-        for touch in touches.iter().filter(|touch| !touch.is_part()) {
-            let Some(own) = touch.contact.compliance else { continue };
-            match kinds.iter_mut().find(|(known, _)| *known == own) {
-                Some((_, same)) => same.push(touch),
-                None => kinds.push((own, vec![touch])),
-            }
-        }
+        let kinds = kinds(touches, |touch| touch.contact.compliance);
         let others = touches.iter().filter(|touch| !touch.is_part()).count();
         let others = others - kinds.iter().map(|(_, same)| same.len()).sum::<usize>();
         let rest = if others > 0 { "; the other contacts and stops are rigid" } else { "" };
@@ -246,6 +241,15 @@ impl Plan {
         }
     }
 
+    /// Coefficients of restitution that depend on the approach speed.
+    fn by_speed(&mut self) {
+        let kinds = kinds(&self.simulation.touches, |touch| touch.contact.law.by_speed.clone());
+        let lines: Vec<_> = kinds.iter().map(|(by, same)| format!("{}: {by}", listed(same))).collect();
+        for choice in lines {
+            self.keep("restitution", choice, "each contact by its own approach speed v, also in impacts of several");
+        }
+    }
+
     /// Impact law and friction.
     fn friction(&mut self) -> Result<(), SimError> {
         let neglect = self.simulation.neglect;
@@ -255,11 +259,13 @@ impl Plan {
         let uniform = surfaces.iter().all(|touch| touch.contact == first.contact);
         let law = &first.contact.law;
         let (e, mu) = (law.restitution(), law.friction());
-        let tangential = match law.known().map_or(0.0, |law| law.coefficients().tangential_restitution) {
-            0.0 => String::new(),
-            value => format!(", tangential restitution {value}"),
+        let used = LawInfo::named(law.name()).is_some_and(|law| law.has("tangential_restitution"));
+        let tangential = match law.coefficients.tangential_restitution {
+            value if used && value != 0.0 => format!(", tangential restitution {value}"),
+            _ => String::new(),
         };
         let choice = if uniform {
+            let e = if law.by_speed.is_some() { "by approach speed".into() } else { e.to_string() };
             format!("{}, restitution {e}{tangential}, friction {mu}", law.name())
         } else {
             "one for each pair".to_owned()
@@ -377,6 +383,19 @@ impl Plan {
         }
         Ok(())
     }
+}
+
+/// The values that touches have, each with its touches; a shape that is divided counts once.
+fn kinds<T: PartialEq>(touches: &[Touch], value: impl Fn(&Touch) -> Option<T>) -> Vec<(T, Vec<&Touch>)> {
+    let mut kinds: Vec<(T, Vec<&Touch>)> = Vec::new();
+    for touch in touches.iter().filter(|touch| !touch.is_part()) {
+        let Some(own) = value(touch) else { continue };
+        match kinds.iter_mut().find(|(known, _)| *known == own) {
+            Some((_, same)) => same.push(touch),
+            None => kinds.push((own, vec![touch])),
+        }
+    }
+    kinds
 }
 
 /// The names of touches, the first ones of many.

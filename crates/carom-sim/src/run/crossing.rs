@@ -136,7 +136,7 @@ pub(crate) fn outcome<A: Space>(
 
 /// The derivative of the impact of one touch, in closed form: of q̇⁺ by q (in its tangent space), q̇⁻ and time.
 ///
-/// `None` for a user's law, at the border of a mode of the law, and where another gap is closed.
+/// `None` for a user's law and a restitution that depends on the approach speed, at the border of a mode of the law, and where another gap is closed.
 pub(crate) fn jump<A: Space>(run: &mut Run<A>, touch: usize, before: &Before) -> Result<Option<Derivatives>, SimError> {
     run.motion.active = before.active.clone();
     let (time, x) = (before.time, before.x.as_slice());
@@ -149,6 +149,9 @@ pub(crate) fn jump<A: Space>(run: &mut Run<A>, touch: usize, before: &Before) ->
         return Ok(None);
     }
     let one = &sim.touches[touch];
+    if one.contact.law.by_speed.is_some() {
+        return Ok(None);
+    }
     // The columns of J and the velocity of the surface, in contact axes.
     let rows = |run: &mut Run<A>, time: f64, q: &[f64]| -> Result<DVector<f64>, SimError> {
         let near = one.near(time);

@@ -236,7 +236,7 @@ impl<A: Space> Run<'_, '_, A> {
         match (at.surface, one.limit_of()) {
             (Some(place), _) => {
                 let given = &one.contact.law;
-                let (restitution, friction) = (given.restitution(), given.friction());
+                let (restitution, friction) = (given.restitution_at(-approach), given.friction());
                 let Some((delassus, response)) = place.inertia(&mut view)? else {
                     let link = one.link().unwrap_or_default().to_owned();
                     return Err(SimError::SingularNormal { link, normal: place.normal });
@@ -261,7 +261,8 @@ impl<A: Space> Run<'_, '_, A> {
                 if table.rows.is_empty() {
                     return self.resettle(None, &[], &before); // loops lock the joint
                 }
-                let impulse = -(1.0 + one.contact.law.restitution()) * approach / table.rows.dot(0, response.row(0));
+                let impulse =
+                    -(1.0 + one.contact.law.restitution_at(-approach)) * approach / table.rows.dot(0, response.row(0));
                 push(&mut self.y[q.len()..], &response, &[impulse]);
                 let kind = EventKind::Limit { touch, joint: joint.unwrap_or_default().to_owned(), impulse };
                 self.book(kind, &[touch], Vec::new(), &before)?;

@@ -50,7 +50,7 @@ impl<A: Space> Run<'_, '_, A> {
         let (table, responses, approach) = self.closed_rows(together)?;
         let u = table.excess(&qd);
         let solve = |law: SeveralLaw, elastic: bool| {
-            let laws = table.laws(sim, &[], 1.0, elastic);
+            let laws = table.laws(sim, &[], 1.0, elastic.then_some(&u));
             self.solve((&table, &responses, laws), [&u, &u], (law, &ACCURACY), None)
         };
         let mut outcome = solve(sim.several, !ends)?;
@@ -110,7 +110,7 @@ impl<A: Space> Run<'_, '_, A> {
             return Ok(false);
         }
         table.contacts.iter().for_each(|contact| u[contact.rows.end - 1] = -VANISHING * speed);
-        let laws = table.laws(sim, &[], 1.0, true);
+        let laws = table.laws(sim, &[], 1.0, Some(&u));
         let solved = self.solve((&table, &responses, laws), [&u, &u], (sim.several, &ACCURACY), None);
         let Ok(outcome) = solved else { return Ok(false) };
         let mut jump = vec![0.0; qd.len()];

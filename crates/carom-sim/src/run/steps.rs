@@ -363,7 +363,8 @@ impl<A: Space> Run<'_, '_, A> {
             }
             let u = [table.excess(&qd), table.excess(free.as_slice())];
             fall = (&u[0] - &u[1]).amax() * step;
-            let (guess, laws) = (guess(&table, &self.history.stepped, step), table.laws(sim, &dry, step, true));
+            let guess = guess(&table, &self.history.stepped, step);
+            let laws = table.laws(sim, &dry, step, Some(&u[0]));
             let law = (sim.several, &ACCURACY);
             let outcome = self.solve((&table, &responses, laws), u.each_ref(), law, Some(&guess))?;
             self.history.statistics.worst_residual = self.history.statistics.worst_residual.max(outcome.residual);

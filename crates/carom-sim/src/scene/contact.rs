@@ -1,6 +1,6 @@
 //! The contact rules of a scene: `[contact]`, and the values that a surface or a `[[contact.pair]]` replaces.
 
-use super::file::{self, All, Contact, ContactKeys, Links, Pair, Softness};
+use super::file::{self, All, Contact, ContactKeys, Links, Pair, Restitution, Softness};
 use super::keys::Table;
 use crate::contact::{
     Compliance, ContactLaw, ContactRule, Holding, SeveralLaw, Surface, Touch, Touches, Yielding, are_disabled, robot_of,
@@ -9,6 +9,7 @@ use crate::error::SimError;
 use carom_chain::Chain;
 use carom_impact::{Coefficients, Damping, LAW_NAMES, LawInfo, NormalForce};
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// The law of several contacts of `[contact]`.
 pub(crate) fn several(contact: &Contact) -> Result<SeveralLaw, String> {
@@ -22,11 +23,6 @@ pub(crate) fn several(contact: &Contact) -> Result<SeveralLaw, String> {
     }
 }
 
-fn law(name: &str, coefficients: Coefficients) -> Result<ContactLaw, String> {
-    let known = || format!("law = \"{name}\": the laws are {}", LAW_NAMES.join(", "));
-    ContactLaw::named(name, coefficients).ok_or_else(known)
-}
-
 fn softness(given: &Softness) -> Result<Option<Compliance>, String> {
     match given {
         Softness::Rigid => Ok(None),
@@ -37,12 +33,19 @@ fn softness(given: &Softness) -> Result<Option<Compliance>, String> {
 /// A rule with the values that `own` gives instead.
 pub(crate) fn overridden(rule: &ContactRule, own: &ContactKeys) -> Result<ContactRule, String> {
     let Coefficients { restitution, tangential_restitution, friction } = rule.law.coefficients;
+    let (restitution, by_speed) = match &own.restitution {
+        None => (restitution, rule.law.by_speed.clone()),
+        Some(Restitution::Constant(number)) => (*number, None),
+        Some(Restitution::BySpeed(by)) => (restitution, Some(Arc::new(by.clone()))),
+    };
     let coefficients = Coefficients {
-        restitution: own.restitution.unwrap_or(restitution),
+        restitution,
         tangential_restitution: own.tangential_restitution.unwrap_or(tangential_restitution),
         friction: own.friction.unwrap_or(friction),
     };
-    let law = law(own.law.as_deref().unwrap_or(rule.law.name()), coefficients)?;
+    let name = own.law.as_deref().unwrap_or(rule.law.name());
+    let known = || format!("law = \"{name}\": the laws are {}", LAW_NAMES.join(", "));
+    let law = ContactLaw::of(name, coefficients, by_speed).ok_or_else(known)?;
     let compliance = own.compliance.as_ref().map_or(Ok(rule.compliance), softness)?;
     let relative_stiffness = own.relative_stiffness.unwrap_or(rule.relative_stiffness);
     Ok(ContactRule { law, latch: own.latch.unwrap_or(rule.latch), compliance, relative_stiffness })

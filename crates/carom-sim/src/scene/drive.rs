@@ -173,6 +173,18 @@ impl Drives<'_> {
         Ok(Drive::ImpactInvariant(ImpactInvariant { tip, normal, kp, kd, target, velocity }))
     }
 
+    /// The coefficient of the first surface, from which a rebound is predicted.
+    fn restitution(&self) -> Result<f64, String> {
+        let Some(law) = self.surfaces.first().map(|surface| &surface.contact.law) else { return Ok(0.0) };
+        if law.by_speed.is_some() {
+            return Err(self.refuse(
+                "predicts the rebound with one coefficient, and the restitution of the first surface depends on the approach speed: \
+                 give a number",
+            ));
+        }
+        Ok(law.restitution())
+    }
+
     fn transition(&self) -> Result<Drive, String> {
         let point = self.tip(self.tip_in_world)?;
         Ok(Drive::Transition(Transition {
@@ -182,7 +194,7 @@ impl Drives<'_> {
             gain: *self.given("gain", &self.control.gain)?,
             press: self.control.press.unwrap_or(0.0),
             compensate: self.control.compensate.unwrap_or(true),
-            restitution: self.surfaces.first().map_or(0.0, |surface| surface.contact.law.restitution()),
+            restitution: self.restitution()?,
         }))
     }
 }

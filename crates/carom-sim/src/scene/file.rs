@@ -3,7 +3,7 @@
 use super::drive::Controller;
 use super::keys::{Loading, Table};
 use super::perturb::Distribution;
-use crate::contact::SeveralLaw;
+use crate::contact::{RestitutionBySpeed, SeveralLaw};
 use crate::key_group;
 use crate::model::{Spring, WrenchAxes};
 use carom_chain::ToolMotion;
@@ -136,7 +136,7 @@ key_group! {
     /// The values of a contact: of `[contact]`, of one surface and of one pair.
     pub(crate) struct ContactKeys needs [] {
         law: Option<String>,
-        restitution: Option<f64>,
+        restitution: Option<Restitution>,
         tangential_restitution: Option<f64>,
         friction: Option<f64>,
         latch: Option<bool>,
@@ -364,6 +364,45 @@ pub(crate) enum Links {
 pub(crate) enum All {
     #[serde(rename = "all")]
     All,
+}
+
+/// The value of `restitution`: a number, or a table.
+pub(crate) enum Restitution {
+    Constant(f64),
+    BySpeed(RestitutionBySpeed),
+}
+
+impl<'de> Deserialize<'de> for Restitution {
+    fn deserialize<D: Deserializer<'de>>(given: D) -> Result<Self, D::Error> {
+        given.deserialize_any(ReadRestitution)
+    }
+}
+
+/// Keeps the messages about the keys of the table, which an untagged enum would lose.
+struct ReadRestitution;
+
+impl<'de> Visitor<'de> for ReadRestitution {
+    type Value = Restitution;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a number, or a table { viscoelastic = a } or { table = [[speed, coefficient], …] }")
+    }
+
+    fn visit_f64<E>(self, number: f64) -> Result<Restitution, E> {
+        Ok(Restitution::Constant(number))
+    }
+
+    fn visit_i64<E>(self, number: i64) -> Result<Restitution, E> {
+        Ok(Restitution::Constant(number as f64))
+    }
+
+    fn visit_u64<E>(self, number: u64) -> Result<Restitution, E> {
+        Ok(Restitution::Constant(number as f64))
+    }
+
+    fn visit_map<M: MapAccess<'de>>(self, table: M) -> Result<Restitution, M::Error> {
+        RestitutionBySpeed::deserialize(MapAccessDeserializer::new(table)).map(Restitution::BySpeed)
+    }
 }
 
 /// The value of `compliance`: `"rigid"`, or a table.
