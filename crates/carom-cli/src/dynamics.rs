@@ -21,8 +21,8 @@ use std::io::{self, Write};
 /// Where M is singular (links that move without mass), everything is computed that needs no
 /// solution with M: there is no delassus, `singular` says why, and tau is refused.
 /// With --kinematics: position (m) and Jacobian of the contact point only.
-/// JSON keys: joints, mass_matrix, jacobian, bias, gravity_force, kinetic_energy, potential_energy,
-///   delassus or singular, and qdd or tau; with --kinematics joints, position, jacobian.
+/// JSON keys: joints, mass_matrix, bias, gravity_force, kinetic_energy, potential_energy, and qdd or
+///   tau; with --tip jacobian, and delassus or singular; with --kinematics joints, position, jacobian.
 /// Answers are printed in the order of the lines. If a line is refused, the answers to the lines
 /// above it have been printed, and the exit status is 1.
 #[derive(Args)]
@@ -30,13 +30,16 @@ use std::io::{self, Write};
 pub struct Dynamics {
     #[command(flatten)]
     robot: RobotArgs,
+    /// Link of the contact point; without it there is no Jacobian and no Delassus matrix
+    #[arg(long, visible_alias = "frame", value_name = "LINK")]
+    tip: Option<String>,
     #[command(flatten)]
     state: StateArgs,
     /// Acceleration of gravity in world axes, m/s²
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,-9.81", value_parser = parse_vector, allow_hyphen_values = true)]
     gravity: [f64; 3],
     /// Compute position and Jacobian of the contact point only; masses are not used
-    #[arg(long)]
+    #[arg(long, requires = "tip")]
     kinematics: bool,
 }
 
@@ -51,7 +54,8 @@ struct Place<'a> {
 struct Answer<'a> {
     joints: &'a [String],
     mass_matrix: Vec<Vec<f64>>,
-    jacobian: Vec<Vec<f64>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    jacobian: Option<Vec<Vec<f64>>>,
     bias: Vec<f64>,
     gravity_force: Vec<f64>,
     kinetic_energy: f64,
@@ -70,11 +74,12 @@ impl Dynamics {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let chain = self.robot.load()?;
         let order = JointOrder::new(&chain, &self.robot.urdf, self.state.joints.as_deref())?;
-        let point = chain.point(self.robot.frame(&chain, &self.state.tip)?, self.state.point.into());
+        let tip = self.tip.as_deref().map(|tip| self.robot.frame(&chain, tip)).transpose()?;
+        let point = tip.map(|tip| chain.point(tip, self.state.point.into()));
         let mut ws = chain.workspace();
         let mut limits = LimitWarnings::default();
         for_each_line(&self.state.states, out, |state: State, place, out| {
-            if self.kinematics {
+            if let (true, Some(point)) = (self.kinematics, point) {
                 let (q, qd) = (order.q(&state.q), order.v(&state.qd));
                 chain.check_state(&q, &qd)?;
                 let kin = ws.update(&chain, &q)?;
@@ -98,7 +103,7 @@ fn evaluate<'a>(
     chain: &Chain,
     ws: &mut Workspace<Spatial<f64>>,
     order: &'a JointOrder,
-    point: Point<Spatial<f64>>,
+    point: Option<Point<Spatial<f64>>>,
     gravity: Vector3<f64>,
     state: &State,
 ) -> Result<Answer<'a>, LineError> {
@@ -123,15 +128,16 @@ fn evaluate<'a>(
         Some(qdd) => Some(order.theirs(kin.inverse_dynamics(&qd, &qdd, gravity)?.as_slice())),
         None => None,
     };
-    let (delassus, singular) = match kin.delassus(point) {
-        Ok(delassus) => (Some(delassus.row_iter().map(|r| r.iter().copied().collect()).collect()), None),
-        Err(why @ (ChainError::Massless { .. } | ChainError::NoInertia { .. })) => (None, Some(why.to_string())),
-        Err(why) => return Err(why.into()),
+    let (delassus, singular) = match point.map(|point| kin.delassus(point)) {
+        None => (None, None),
+        Some(Ok(delassus)) => (Some(delassus.row_iter().map(|r| r.iter().copied().collect()).collect()), None),
+        Some(Err(why @ (ChainError::Massless { .. } | ChainError::NoInertia { .. }))) => (None, Some(why.to_string())),
+        Some(Err(why)) => return Err(why.into()),
     };
     Ok(Answer {
         joints: &order.names,
         mass_matrix: order.square(&kin.mass_matrix()),
-        jacobian: order.columns(&kin.point_jacobian(point)),
+        jacobian: point.map(|point| order.columns(&kin.point_jacobian(point))),
         bias: order.theirs(bias.as_slice()),
         gravity_force: order.theirs(kin.gravity_force(gravity).as_slice()),
         kinetic_energy: kin.kinetic_energy(&qd)?,
@@ -164,12 +170,14 @@ fn place_for_people(place: &Place, out: &mut dyn Write) -> io::Result<()> {
 fn for_people(a: &Answer, out: &mut dyn Write) -> io::Result<()> {
     joints_for_people(a.joints, out)?;
     matrix("mass matrix", &a.mass_matrix, out)?;
-    matrix("Jacobian", &a.jacobian, out)?;
-    match (&a.delassus, &a.singular) {
-        (Some(delassus), _) => matrix("Delassus", delassus, out)?,
-        (None, why) => {
-            writeln!(out, "no Delassus matrix, since M is singular: {}", why.as_deref().unwrap_or_default())?
-        }
+    if let Some(jacobian) = &a.jacobian {
+        matrix("Jacobian", jacobian, out)?;
+    }
+    if let Some(delassus) = &a.delassus {
+        matrix("Delassus", delassus, out)?;
+    }
+    if let Some(why) = &a.singular {
+        writeln!(out, "no Delassus matrix, since M is singular: {why}")?;
     }
     writeln!(out, "{:14} {}", "bias", row(&a.bias))?;
     writeln!(out, "{:14} {}", "gravity force", row(&a.gravity_force))?;

@@ -40,6 +40,9 @@ use std::path::Path;
 pub struct Impact {
     #[command(flatten)]
     robot: RobotArgs,
+    /// Link of the contact point
+    #[arg(long, visible_alias = "frame", value_name = "LINK")]
+    tip: String,
     #[command(flatten)]
     state: StateArgs,
     /// Surface normal in world axes, from the environment to the robot, of any length but 0
@@ -278,7 +281,7 @@ impl Impact {
         let ranges = self.ranges()?;
         let chain = self.robot.load_for_dynamics()?;
         let order = JointOrder::new(&chain, &self.robot.urdf, self.state.joints.as_deref())?;
-        let tip = self.robot.frame(&chain, &self.state.tip)?;
+        let tip = self.robot.frame(&chain, &self.tip)?;
         let impedance = self.drives.impedance(&chain, &order)?;
         let locked = self.drives.locked(&self.robot.urdf)?;
         let joints = match (&impedance, locked.as_slice()) {

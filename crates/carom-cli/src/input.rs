@@ -333,11 +333,15 @@ fn permute(order: &[usize], theirs: &[f64]) -> Vec<f64> {
 // Options of every command that reads states of a robot.
 #[derive(clap::Args)]
 pub struct StateArgs {
-    /// Link of the contact point
-    #[arg(long, visible_alias = "frame", value_name = "LINK")]
-    pub tip: String,
     /// Contact point in the axes of the link, m
-    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = parse_vector, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        default_value = "0,0,0",
+        requires = "tip",
+        value_parser = parse_vector,
+        allow_hyphen_values = true
+    )]
     pub point: [f64; 3],
     /// Order of the joints in all vectors of input and output [default: the order of the file]
     ///

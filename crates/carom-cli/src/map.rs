@@ -43,6 +43,9 @@ pub struct MapCommand {
     /// Column that is drawn and recorded [default: the first quantity of the study]
     #[arg(long, value_name = "COLUMN")]
     show: Option<String>,
+    /// Draw the picture with a logarithmic scale of the column, whose numbers must be above 0
+    #[arg(long, requires = "out")]
+    log: bool,
     /// Print the best rows under the conditions in [advise] of the study
     ///
     /// For a redundant arm also the best pose along the self-motion through each of these rows.
@@ -199,6 +202,9 @@ impl MapCommand {
         if files.picture.is_some() {
             study.check_picture(shown)?;
         }
+        if self.log && files.picture.is_none() {
+            return Err(CliError::Option("--log: no picture is written: give --out a name that ends in .svg".into()));
+        }
         if files.recording.is_some() {
             check_map(&study, shown)?;
         }
@@ -215,7 +221,7 @@ impl MapCommand {
             self.write(&study, &file, &pool)?;
         }
         if let Some(path) = &files.picture {
-            let svg = pool.install(|| study.picture(shown))?;
+            let svg = pool.install(|| study.picture(shown, self.log))?;
             write_whole(path, &svg)?;
         }
         if let Some(path) = &files.recording {

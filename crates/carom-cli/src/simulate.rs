@@ -16,8 +16,8 @@ use carom_sim::{
     StopReason, Summary, UnderLaw,
 };
 use carom_study::{
-    Column, SCENE_KEY, Table, TableError, contact_columns, contact_row, load_columns, load_rows, motor_columns,
-    state_columns,
+    Column, SCENE_KEY, Table, TableError, contact_columns, contact_row, event_table, load_columns, load_rows,
+    motor_columns, state_columns,
 };
 use clap::Args;
 use serde::Serialize;
@@ -91,6 +91,14 @@ pub struct Simulate {
     /// motor_plus (force of the motor before and after; N m, N).
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     joint_loads: Option<PathBuf>,
+    /// Write the events as a table (.csv, .parquet, -): a row for each event, and for each of its contacts
+    ///
+    /// Columns: time (s), event (its kind), contact (contact or joint), detail (slip at the end of an impact:
+    /// stick, slip, reverse-slip; reason of others), flags; point x, y, z (m), impulse on the robot px, py, pz
+    /// (N s), and of an impact at one contact its velocity before and after, ux_minus … uz_plus (m/s), all
+    /// in world axes; qd_minus.<joint>, qd_plus.<joint> (rad/s, m/s). What an event lacks is empty.
+    #[arg(long, value_name = "FILE", verbatim_doc_comment)]
+    events: Option<PathBuf>,
     /// Start from this state instead of that of the scene
     ///
     /// A JSON file: {"q": […], "qd": […]} and, if wanted, "time" (s), at which tables and moving
@@ -176,10 +184,10 @@ impl Simulate {
             from_state::apply(file, &mut scene)?;
             scene.files.push(file.clone());
         }
-        let contacts = self.contacts.as_deref();
+        let (contacts, of_events) = (self.contacts.as_deref(), self.events.as_deref());
         let joint_loads = self.joint_loads.as_deref();
         let loads = self.loads || joint_loads.is_some();
-        let named = [("--contacts", contacts), ("--joint-loads", joint_loads)];
+        let named = [("--contacts", contacts), ("--events", of_events), ("--joint-loads", joint_loads)];
         let tables = outputs.tables.iter().map(PathBuf::as_path);
         let printed = Printed::of(tables.chain(named.iter().filter_map(|(_, path)| *path)), self.json)?;
         let files = named.map(|(option, path)| (option, path.filter(|path| *path != Path::new("-"))));
@@ -187,8 +195,10 @@ impl Simulate {
         files::check(&scene.files, &written)?;
         let tables: Vec<&Path> = outputs.tables.iter().map(|path| printed.place(path)).collect();
         if let Some(runs) = self.runs {
-            if contacts.is_some() || joint_loads.is_some() || self.record.is_asked() || tables.len() > 1 {
-                let why = "--runs: write one table, with --out, without --contacts, --joint-loads and recordings";
+            let others = named.iter().any(|(_, path)| path.is_some());
+            if others || self.record.is_asked() || tables.len() > 1 {
+                let why =
+                    "--runs: write one table, with --out, without --contacts, --events, --joint-loads and recordings";
                 return Err(CliError::Option(why.into()));
             }
             let stop = files::interrupts();
@@ -248,6 +258,11 @@ impl Simulate {
         states.finish()?;
         contacts.finish()?;
         joint_loads.finish()?;
+        let named: Vec<NamedEvent> = events.iter().map(|event| event.named(&sim.touches)).collect();
+        let (columns, rows) = event_table(&sim.chain, &named);
+        let mut table = Tables::begin(of_events.map(|path| printed.place(path)), &columns, &scene.text)?;
+        rows.iter().for_each(|row| table.row(row));
+        table.finish()?;
         if let Some(recorder) = recorder {
             recorder.finish(&run)?;
         }
@@ -258,7 +273,7 @@ impl Simulate {
             joints: moving_joints(&plan),
             stop_reason: run.stop,
             mode: run.mode,
-            events: events.iter().map(|event| event.named(&sim.touches)).collect(),
+            events: named,
             r#final: Last {
                 moment: &run.last,
                 contacts: run.contacts.iter().map(|state| state.named(&sim.touches)).collect(),
@@ -289,10 +304,10 @@ fn numbers(x: &[f64]) -> Vec<String> {
     x.iter().map(|x| short(*x)).collect()
 }
 
-/// Whether two events in a row are one row: contacts that begin, end or accumulate at the same time.
+/// Whether two events in a row are one row: contacts that begin, end or accumulate at the same time, as it is printed.
 fn alike(a: &NamedEvent, b: &NamedEvent) -> bool {
     let plain = |it: &NamedEvent| it.contact.is_some() && it.impact.is_none() && it.reason.is_none();
-    plain(a) && plain(b) && (a.time, a.kind) == (b.time, b.kind)
+    plain(a) && plain(b) && a.kind == b.kind && short(a.time) == short(b.time)
 }
 
 /// How the contact slips at the end of an impact: `stick` is what a ball without spin does, too, which does not stay.

@@ -48,6 +48,15 @@ fn general(column: &str) -> String {
 }
 
 #[test]
+fn columns_of_events_are_those_of_the_page() {
+    let (page, desk) = (page("reference-output.md"), folder());
+    carom(&desk, "simulate scenes/planar2.toml --events e.csv");
+    let general = |column: &String| column.split_once('.').map_or(column.clone(), |(head, _)| format!("{head}.JOINT"));
+    let seen: BTreeSet<String> = header(&desk.join("e.csv")).iter().map(general).collect();
+    assert_eq!(seen, named(&page, "## Events").into_iter().collect());
+}
+
+#[test]
 fn columns_of_a_simulation_are_those_of_the_page() {
     let (page, desk) = (page("reference-output.md"), folder());
     let mut seen = BTreeSet::new();

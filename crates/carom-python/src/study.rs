@@ -195,10 +195,11 @@ impl Study {
         written.map(drop).map_err(raise)
     }
 
-    /// One column of the map as a picture, the text of an SVG.
-    fn svg(&self, py: Python<'_>, column: &str) -> PyResult<String> {
+    /// One column of the map as a picture, the text of an SVG; log=True: its numbers on a logarithmic scale.
+    #[pyo3(signature = (column, *, log=false))]
+    fn svg(&self, py: Python<'_>, column: &str, log: bool) -> PyResult<String> {
         let study = &*self.study;
-        on_all_cores(py, |_| study.picture(column))?.map_err(raise)
+        on_all_cores(py, |_| study.picture(column, log))?.map_err(raise)
     }
 
     /// The best rows under the conditions in [advise] of the study: a dict of "column", "goal", "fulfil" (number of rows that

@@ -1,10 +1,10 @@
-//! Columns and rows of the tables of a simulation: states, lasting contacts, loads on the joints.
+//! Columns and rows of the tables of a simulation: states, lasting contacts, events, loads on the joints.
 
 use crate::table::Column;
 use carom_chain::urdf::JointType;
 use carom_chain::{Chain, Coordinates};
 use carom_impact::Flags;
-use carom_sim::{ContactState, Event, Simulation};
+use carom_sim::{ContactState, Event, NamedEvent, Simulation};
 use nalgebra::Vector3;
 
 /// Key of the scene's text in the metadata of Parquet tables.
@@ -131,4 +131,62 @@ pub fn contact_row(time: f64, state: &ContactState) -> Vec<f64> {
     // NaN is the empty word.
     row.push(if state.flags.contains(Flags::NON_UNIQUE) { 0.0 } else { f64::NAN });
     row
+}
+
+/// The columns and rows of a table of events: a row for each event, of an event of several contacts for each of them; empty words
+/// and no numbers (NaN) where an event has none.
+pub fn event_table(chain: &Chain, events: &[NamedEvent]) -> (Vec<Column>, Vec<Vec<f64>>) {
+    let mut words: [Vec<String>; 4] = Default::default();
+    let mut code = |column: usize, word: &str| {
+        let known = &mut words[column];
+        if word.is_empty() {
+            return f64::NAN;
+        }
+        known.iter().position(|it| it == word).unwrap_or_else(|| {
+            known.push(word.to_owned());
+            known.len() - 1
+        }) as f64
+    };
+    let mut rows = Vec::new();
+    for event in events {
+        let struck = event.impulses.iter().map(|it| (it.contact, Some(it.what)));
+        let without = |name: &&&str| event.impulses.iter().all(|it| it.contact != **name);
+        let others = event.contacts.iter().chain(&event.contact).filter(without).map(|name| (*name, None));
+        let mut places: Vec<_> = struck.chain(others).collect();
+        if places.is_empty() {
+            places.push(("", None));
+        }
+        for (contact, impulse) in places {
+            let hit = event.impact.map(|it| it.hit);
+            let detail = hit.map_or(event.reason.unwrap_or_default(), |hit| hit.mode.name());
+            let flags = hit.map_or(event.flags.join(" "), |hit| hit.flags.names().collect::<Vec<_>>().join(" "));
+            let mut row = vec![event.time, code(0, event.kind), code(1, contact), code(2, detail), code(3, &flags)];
+            let vectors = [
+                impulse.map(|it| it.point),
+                impulse.map(|it| it.impulse),
+                hit.map(|hit| hit.u_minus),
+                hit.map(|hit| hit.u_plus),
+            ];
+            vectors.iter().for_each(|v| row.extend(v.unwrap_or(Vector3::repeat(f64::NAN)).iter()));
+            row.extend(event.qd_minus.iter().chain(event.qd_plus));
+            rows.push(row);
+        }
+    }
+    let mut columns = vec![Column::number("time").in_unit("s")];
+    for (name, mut known) in ["event", "contact", "detail", "flags"].into_iter().zip(words) {
+        if known.is_empty() {
+            known.push(String::new()); // a column of words needs one
+        }
+        columns.push(Column::word(name, known));
+    }
+    for (unit, names) in [
+        ("m", ["x", "y", "z"]),
+        ("N s", ["px", "py", "pz"]),
+        ("m/s", ["ux_minus", "uy_minus", "uz_minus"]),
+        ("m/s", ["ux_plus", "uy_plus", "uz_plus"]),
+    ] {
+        columns.extend(names.map(|name| Column::number(name).in_unit(unit)));
+    }
+    columns.extend(["qd_minus", "qd_plus"].iter().flat_map(|head| coordinate_columns(chain, head, false)));
+    (columns, rows)
 }

@@ -2,7 +2,7 @@
 
 use base64::Engine;
 use carom_chain::Chain;
-use carom_study::map_study::{CLASSES, Study, StudyError};
+use carom_study::map_study::{CLASSES, Study, StudyError, Values};
 use carom_study::self_motion;
 use nalgebra::Vector3;
 
@@ -32,7 +32,7 @@ friction = 0.05
 quantities = ["impulse", "mode"]
 "#;
 
-/// The pixels of the images in an SVG: width, height, RGB from the top left.
+/// The pixels of the images in an SVG: width, height, RGBA from the top left.
 fn images(svg: &str) -> Vec<(u32, u32, Vec<u8>)> {
     let data = svg.split("base64,").skip(1).map(|part| part.split('"').next().unwrap());
     data.map(|data| {
@@ -49,7 +49,7 @@ fn images(svg: &str) -> Vec<(u32, u32, Vec<u8>)> {
 #[test]
 fn pixels_of_a_heat_map_are_the_colours_of_their_rows() {
     let study = study(TIPS);
-    let svg = study.picture("class").unwrap();
+    let svg = study.picture("class", false).unwrap();
     let values = study.values("class").unwrap();
     let images = images(&svg);
     assert_eq!(images.len(), 2);
@@ -63,7 +63,7 @@ fn pixels_of_a_heat_map_are_the_colours_of_their_rows() {
         let up = ((row[column("tip.y")] + 0.8) / 0.1).round() as usize;
         let (width, height, pixels) = &images[row[column("elbow")] as usize];
         assert_eq!((*width, *height), (26, 14));
-        let at = 3 * ((13 - up) * 26 + across);
+        let at = 4 * ((13 - up) * 26 + across);
         let class = row[column("class")];
         assert_eq!(pixels[at..at + 3], values.colour(class, (0.0, 1.0)), "row {index}");
         colours.insert(class as usize, pixels[at..at + 3].to_vec());
@@ -80,7 +80,7 @@ fn pixels_of_a_heat_map_are_the_colours_of_their_rows() {
 fn a_colour_bar_contains_every_colour_of_its_map() {
     let text = TIPS.replace("\"impulse\", \"mode\"", "\"tangential_jump\"");
     let study = study(&text);
-    let (svg, values) = (study.picture("tangential_jump").unwrap(), study.values("tangential_jump").unwrap());
+    let (svg, values) = (study.picture("tangential_jump", false).unwrap(), study.values("tangential_jump").unwrap());
     let range = values.colour_range();
     let beyond = values.values.iter().filter(|x| **x < range.0 || **x > range.1).count();
     assert!(range.0 < 0.0 && range.1 > 0.0 && beyond > 2, "{range:?} {beyond}");
@@ -91,11 +91,11 @@ fn a_colour_bar_contains_every_colour_of_its_map() {
     // fine enough for every colour, as each of the three channels has at most 256 values
     let step = |k: i32| values.colour(range.0 + (range.1 - range.0) * f64::from(k) / 1e6, range);
     let bar: std::collections::BTreeSet<[u8; 3]> = (0..=1_000_000).map(step).collect();
-    let nothing = values.colour(f64::NAN, range);
+    assert!(!bar.contains(&values.colour(f64::NAN, range)));
     let mut coloured = 0;
     for (_, _, pixels) in images(&svg) {
-        for pixel in pixels.chunks(3).filter(|pixel| *pixel != nothing) {
-            assert!(bar.contains(pixel), "{pixel:?}");
+        for pixel in pixels.chunks(4).filter(|pixel| pixel[3] != 0) {
+            assert!(bar.contains(&pixel[..3]), "{pixel:?}");
             coloured += 1;
         }
     }
@@ -106,7 +106,7 @@ fn a_colour_bar_contains_every_colour_of_its_map() {
 #[test]
 fn a_map_over_one_axis_is_drawn_as_one_curve_for_each_word() {
     let text = TIPS.replace("x = { from = -0.3, to = 0.95, count = 26 }", "x = 0.5");
-    let svg = study(&text).picture("impulse").unwrap();
+    let svg = study(&text).picture("impulse", false).unwrap();
     assert!(svg.starts_with("<svg") && !svg.contains("<image") && svg.contains("up") && svg.contains("tip.y, m"));
     assert!(svg.contains("\nelbow\n"), "the legend has a title");
     assert!(svg.matches("<polyline").count() >= 2);
@@ -114,7 +114,7 @@ fn a_map_over_one_axis_is_drawn_as_one_curve_for_each_word() {
 
 #[test]
 fn maps_that_cannot_be_drawn_are_refused() {
-    let said = |text: &str, column: &str| match study(text).picture(column) {
+    let said = |text: &str, column: &str| match study(text).picture(column, false) {
         Err(StudyError::File { rule, .. }) => rule,
         other => panic!("{other:?}"),
     };
@@ -221,7 +221,7 @@ minimise = "effective_mass"
 fn pictures_name_their_conditions_and_have_round_ticks() {
     let text = TIPS.replace("\"impulse\", \"mode\"", "\"tangential_jump\"");
     let study_of = study(&text);
-    let svg = study_of.picture("tangential_jump").unwrap();
+    let svg = study_of.picture("tangential_jump", false).unwrap();
     let title = study_of.values("tangential_jump").unwrap().title;
     for part in ["e = ", "0.2 m/s", "approach 45°"] {
         assert!(title.contains(part), "{title}");
@@ -239,4 +239,78 @@ fn pictures_name_their_conditions_and_have_round_ticks() {
         .collect();
     let round = |x: f64| [1.0, 2.0, 5.0].iter().any(|step| ((x / step * 1e3).round() - x / step * 1e3).abs() < 1e-6);
     assert!(ticks.len() > 6 && ticks.iter().all(|x| round(*x)), "{ticks:?}");
+}
+
+/// Rows without a number are holes in the image, through which the hatch is seen, and the legend gives their share.
+#[test]
+fn rows_without_a_result_are_hatched_and_told_from_zero() {
+    let study = study(TIPS);
+    let (svg, values) = (study.picture("impulse", false).unwrap(), study.values("impulse").unwrap());
+    let nothing = values.values.iter().filter(|x| x.is_nan()).count();
+    let holes: usize =
+        images(&svg).iter().map(|(.., pixels)| pixels.chunks(4).filter(|pixel| pixel[3] == 0).count()).sum();
+    assert!(nothing > 50 && holes == nothing, "{holes} {nothing}");
+    let share = 100.0 * nothing as f64 / values.values.len() as f64;
+    assert!(svg.contains(&format!("\nno result {share:.1} %\n")));
+    assert_eq!(svg.matches("url(#no-result)").count(), 3, "two panels and the legend");
+    let whole = TIPS.replace("x = { from = -0.3, to = 0.95, count = 26 }", "x = { from = 0.4, to = 0.5, count = 3 }");
+    let whole = whole.replace("y = { from = -0.8, to = 0.5, count = 14 }", "y = { from = 0.0, to = 0.1, count = 3 }");
+    assert!(!self::study(&whole).picture("impulse", false).unwrap().contains("no result"));
+}
+
+/// On a logarithmic scale equal ratios are equal distances: of colours, and of the ticks of the colour bar.
+#[test]
+fn a_logarithmic_picture_has_equal_steps_for_equal_ratios_and_needs_numbers_above_zero() {
+    let study = study(&TIPS.replace("\"impulse\", \"mode\"", "\"effective_mass\", \"tangential_jump\", \"mode\""));
+    let mut values = study.values("effective_mass").unwrap();
+    values.logarithmic = true;
+    let range = (0.1, 1000.0);
+    let even = Values { logarithmic: false, ..study.values("effective_mass").unwrap() };
+    for k in 0..=8 {
+        let share = f64::from(k) / 8.0;
+        let own = values.colour(range.0 * 1e4f64.powf(share), range);
+        let linear = even.colour(range.0 + (range.1 - range.0) * share, range);
+        assert!(own.iter().zip(linear).all(|(a, b)| a.abs_diff(b) <= 1), "{k}: {own:?} {linear:?}");
+    }
+    let svg = study.picture("effective_mass", true).unwrap();
+    assert_ne!(svg, study.picture("effective_mass", false).unwrap());
+    let heights: Vec<(f64, f64)> = svg
+        .split("<text x=\"")
+        .filter_map(|part| {
+            let (head, rest) = part.split_once('>')?;
+            let number = rest.split_once('<')?.0.trim().parse::<f64>().ok()?;
+            let (x, y) = head.split_once("\" y=\"")?;
+            let right = x.parse::<f64>().ok()? > 850.0; // of the colour bar
+            right.then_some((number, y.split_once('"')?.0.parse::<f64>().ok()?))
+        })
+        .collect();
+    assert!(heights.len() >= 3, "{heights:?}");
+    let slope = |a: (f64, f64), b: (f64, f64)| (b.1 - a.1) / (b.0 / a.0).ln();
+    let first = slope(heights[0], heights[heights.len() - 1]);
+    for two in heights.windows(2) {
+        let step = (two[1].1 - two[0].1).abs();
+        assert!((slope(two[0], two[1]) - first).abs() * (two[1].0 / two[0].0).ln().abs() < 2.5, "{step} {heights:?}");
+    }
+    let curve = self::study(&TIPS.replace("x = { from = -0.3, to = 0.95, count = 26 }", "x = 0.5"));
+    assert!(curve.picture("impulse", true).unwrap().contains("<polyline"));
+    for (column, why) in [("tangential_jump", "above 0, and the least one is -"), ("mode", "words")] {
+        let refused = study.picture(column, true).unwrap_err().to_string();
+        assert!(refused.contains(why) && refused.contains(column), "{refused}");
+    }
+}
+
+/// A circle in the work space is a circle in the picture.
+#[test]
+fn axes_of_lengths_have_one_scale() {
+    for (x, y) in [((-0.3, 0.95), (-0.8, 0.5)), ((0.2, 0.8), (0.0, 0.1)), ((0.4, 0.5), (-0.4, 0.4))] {
+        let range = |(from, to): (f64, f64)| format!("{{ from = {from}, to = {to}, count = 5 }}");
+        let text = TIPS.replace("{ from = -0.3, to = 0.95, count = 26 }", &range(x));
+        let svg =
+            study(&text.replace("{ from = -0.8, to = 0.5, count = 14 }", &range(y))).picture("impulse", false).unwrap();
+        let image = svg.split("<image ").nth(1).unwrap();
+        let size =
+            |key: &str| image.split(&format!("{key}=\"")).nth(1).unwrap().split('"').next().unwrap().parse::<f64>();
+        let scales = [size("width").unwrap() / (x.1 - x.0), size("height").unwrap() / (y.1 - y.0)];
+        assert!((scales[0] / scales[1] - 1.0).abs() < 0.03, "{x:?} {y:?}: {scales:?}");
+    }
 }

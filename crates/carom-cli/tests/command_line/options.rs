@@ -147,7 +147,8 @@ fn usage_errors_exit_with_2() {
         ("strike".into(), "unrecognized subcommand 'strike'"),
         ("inspect".into(), "<ROBOT.urdf>"),
         ("inspect planar2.urdf --jsn".into(), "unexpected argument '--jsn' found"),
-        ("dynamics planar2.urdf --states -".into(), "--tip <LINK>"),
+        ("dynamics planar2.urdf --states - --kinematics".into(), "--tip <LINK>"),
+        ("dynamics planar2.urdf --states - --point 0,0,1".into(), "--tip <LINK>"),
         (
             "dynamics planar2.urdf --tip tip --states - --gravity 0,0".into(),
             "invalid value '0,0' for '--gravity <X,Y,Z>': 2 numbers, three are needed: x,y,z",
@@ -230,6 +231,19 @@ fn zero_normals_and_singular_directions_are_refused() {
         strike("base", "-1,0,0", "[0,0]"),
         "planar2.urdf: --tip: link 'base' is fixed to the world: no impact can move it, choose a link that a joint moves",
     );
+}
+
+#[test]
+fn dynamics_without_a_tip_leaves_out_what_belongs_to_a_point() {
+    let desk = Desk::new();
+    let state = json!({"q": [0.3, -1.2], "qd": [0.5, 1], "tau": [1, 0.5]});
+    let with = |options: &str| desk.answer(&format!("dynamics planar2.urdf --json --states - {options}"), &state);
+    let (plain, mut at_tip) = (with(""), with("--tip tip"));
+    let lost = ["jacobian", "delassus"].map(|key| at_tip.as_object_mut().unwrap().remove(key));
+    assert!(lost.iter().all(Option::is_some));
+    assert_eq!(plain, at_tip);
+    let said = desk.feed("dynamics planar2.urdf --states -", state.to_string()).out;
+    assert!(said.contains("mass matrix") && !said.contains("Jacobian") && !said.contains("Delassus"), "{said}");
 }
 
 #[test]

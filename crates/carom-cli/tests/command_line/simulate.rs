@@ -68,8 +68,72 @@ fn loads_of_a_run_are_in_the_answer_and_in_tables() {
     assert!(!plain.out.contains("loads") && rows("y.csv")[0].len() == 5);
     let said = desk.run("simulate s.toml --loads").out;
     assert!(said.contains("through shoulder") && said.contains("motors ("), "{said}");
-    let why = "--runs: write one table, with --out, without --contacts, --joint-loads and recordings";
+    let why = "--runs: write one table, with --out, without --contacts, --events, --joint-loads and recordings";
     refused(desk.run("simulate s.toml --joint-loads l.csv --runs 2"), why);
+}
+
+/// The cells of a line of CSV, some of them in quotes.
+fn cells(line: &str) -> Vec<&str> {
+    let mut quoted = false;
+    let mut split = |c: char| {
+        quoted ^= c == '"';
+        c == ',' && !quoted
+    };
+    line.split(&mut split).map(|cell| cell.trim_matches('"')).collect()
+}
+
+/// The rows of a table as maps from column to cell.
+fn rows(table: &str) -> Vec<std::collections::BTreeMap<&str, &str>> {
+    let mut lines = table.lines().map(cells);
+    let names: Vec<&str> = lines.next().unwrap();
+    lines.map(|cells| names.iter().copied().zip(cells).collect()).collect()
+}
+
+#[test]
+fn the_table_of_events_has_the_numbers_of_the_answer() {
+    let desk = Desk::new();
+    for robot in ["box", "quadruped"] {
+        desk.0.copy(&format!("robots/{robot}.urdf"));
+        let scene =
+            std::fs::read_to_string(format!("{}/../../scenes/{robot}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap();
+        desk.write("s.toml", scene.replace("../robots/", ""));
+        let run = &desk.answers("simulate s.toml --json --events e.csv", "")[0];
+        let table = std::fs::read_to_string(desk.0.join("e.csv")).unwrap();
+        let rows = rows(&table);
+        let number = |cell: &str| cell.parse::<f64>().unwrap();
+        let near = |cell: &str, value: &Value| (number(cell) - value.as_f64().unwrap()).abs() < 1e-12;
+        let (mut at, mut struck) = (0, 0);
+        for event in run["events"].as_array().unwrap() {
+            let own: Vec<_> = rows[at..].iter().take_while(|row| near(row["time"], &event["time"])).collect();
+            let impulses = event["impulses"].as_array().map_or(&[][..], Vec::as_slice);
+            let contacts = event["contacts"].as_array().map_or(1, Vec::len).max(1).max(impulses.len());
+            assert!(own.len() >= contacts, "{event}");
+            for row in &own[..contacts] {
+                assert_eq!(row["event"], event["kind"]);
+                let of =
+                    |impulse: &&Value| impulse["contact"] == row["contact"] && near(row["x"], &impulse["point"][0]);
+                let impulse = impulses.iter().find(of);
+                assert_eq!(impulse.is_some(), !row["px"].is_empty(), "{row:?}");
+                if let Some(impulse) = impulse {
+                    assert!(["px", "py", "pz"].iter().enumerate().all(|(k, p)| near(row[p], &impulse["impulse"][k])));
+                    struck += 1;
+                }
+                if let Some(u) = event["impact"]["u_minus"].as_array() {
+                    assert!(near(row["uz_minus"], &u[2]) && near(row["ux_plus"], &event["impact"]["u_plus"][0]));
+                    assert_eq!(row["detail"], event["impact"]["mode"]);
+                }
+                let joint =
+                    table.lines().next().unwrap().split(',').find(|name| name.starts_with("qd_minus.")).unwrap();
+                assert!(near(row[joint], &event["qd_minus"][0]));
+            }
+            at += contacts;
+        }
+        assert!(at == rows.len() && struck > 1, "{at} of {} rows, {struck} impulses", rows.len());
+        let printed = desk.run("simulate s.toml --events -");
+        assert_eq!(printed.out, table);
+        desk.run("simulate s.toml --events e.parquet");
+        assert!(desk.files("").contains(&"e.parquet".to_owned()));
+    }
 }
 
 /// A box that spins on its four corners: an event with its reason and contacts, a flag at each contact of answer and table, the time.

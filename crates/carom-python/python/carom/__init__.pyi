@@ -1468,8 +1468,8 @@ class Study:
         Raises:
             StudyError: the file cannot be written, another process writes it, or the partial file cannot be continued.
         """
-    def svg(self, column: str) -> str:
-        """One column of the map as a picture, the text of an SVG."""
+    def svg(self, column: str, *, log: bool = ...) -> str:
+        """One column of the map as a picture, the text of an SVG; log=True: its numbers on a logarithmic scale."""
     def advise(self) -> dict[str, Any]:
         """The best rows under the conditions in [advise] of the study: a dict of "column", "goal", "fulfil" (number of rows that
         fulfil them), "best_median_worst" (or None) and "best", a list of dicts of "row", "q" (nq,), "values" and, for a redundant

@@ -101,10 +101,9 @@ impl Parameter {
 }
 
 /// A coefficient by which a run can be differentiated, where a contact has it.
-type Coefficient = fn(&ContactLaw, &mut Coefficients) -> Option<&mut f64>;
-const RESTITUTION: Coefficient = |law, own| {
-    Some(&mut own.restitution).filter(|e| law.by_speed.is_none() && **e > 0.0 && **e < 1.0)
-};
+type Coefficient = for<'a> fn(&ContactLaw, &'a mut Coefficients) -> Option<&'a mut f64>;
+const RESTITUTION: Coefficient =
+    |law, own| Some(&mut own.restitution).filter(|e| law.by_speed.is_none() && **e > 0.0 && **e < 1.0);
 const FRICTION: Coefficient = |_, own| Some(&mut own.friction).filter(|mu| **mu > 0.0);
 
 impl fmt::Debug for Parameter {

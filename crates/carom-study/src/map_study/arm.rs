@@ -8,7 +8,7 @@
 //! | H | D×D | Delassus matrix J M⁻¹ Jᵀ, axes of the chain; in contact axes RᵀHR | `response.delassus`, `h` |
 //! | X = M⁻¹Jᵀ | nv×D | change of the joint velocities per unit impulse | `response.response` |
 //! | u⁻ | D | contact velocity before the impact, contact axes: speed · (cos α, (0,) −sin α) | `u` |
-//! | qd⁻ | nv | X H⁻¹ u⁻: the joint velocities of least kinetic energy with contact velocity u⁻ | `qd_minus` |
+//! | qd⁻ | nv | X H⁻¹ u⁻: the joint velocities of least kinetic energy with contact velocity u⁻; others with `motion` | `qd_minus` |
 //!
 //! J, H and X are those of [`carom_chain::PointResponse`]. A row allocates no memory, except where H is nearly
 //! singular: its principal directions are then computed from its factor ([`ContactInertia`]).
@@ -19,7 +19,10 @@ use super::quantity::{Class, Quantity, Wants};
 use super::reach::{Reach, Triangle};
 use super::strike::Condition;
 use carom_chain::algebra::Algebra;
-use carom_chain::{Chain, ChainError, ContactInertia, Keep, Point, PointResponse, ResponseMemory, Workspace};
+use carom_chain::{
+    Chain, ChainError, ContactInertia, FramePoint, Keep, Point, PointResponse, ResponseMemory, Spatial, ToolMotion,
+    Workspace,
+};
 use carom_impact::AnyLaw;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
 
@@ -31,6 +34,14 @@ pub(super) struct Limit {
     pub ratio: f64,
     /// rad/s or m/s.
     pub velocity: f64,
+}
+
+/// How the tip moves before the impact.
+pub(super) struct Tool {
+    /// The chain in space.
+    pub chain: Chain,
+    pub at: FramePoint,
+    pub motion: ToolMotion,
 }
 
 /// How the poses are given.
@@ -57,6 +68,8 @@ pub(super) struct Arm<A: Algebra, const D: usize> {
     pub tangential_restitution: bool,
     /// Inertia added to the diagonal of M: infinite at locked joints. Empty without any.
     pub added: Vec<f64>,
+    /// Which q̇⁻ are taken, if not those of least kinetic energy.
+    pub tool: Option<Tool>,
     /// All axes: those of the pose, then normal, approach, speed, restitution, tangential restitution, friction, law.
     pub axes: Vec<Axis>,
     /// The laws of the last axis; a row sets their coefficients.
@@ -110,6 +123,8 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Engine 
             pose: Pose { class: None, q: vec![0.0; self.chain.nq()], principal: None },
             triangle: None,
             memory: ResponseMemory::default(),
+            tool: self.tool.as_ref().map(|tool| tool.chain.workspace()),
+            energy: None,
             qd_minus: vec![0.0; nv],
             jump: vec![0.0; nv],
         })
@@ -157,6 +172,10 @@ pub(super) struct Hand<'a, A: Algebra, const D: usize> {
     triangle: Option<Triangle>,
     /// The response at the pose, for chains with a fused pass; of others it is in the workspace.
     memory: ResponseMemory<A>,
+    /// Memory of [`Arm::tool`].
+    pub tool: Option<Workspace<Spatial<f64>>>,
+    /// T⁻ of `qd_minus`, J, where it is not the least.
+    pub energy: Option<f64>,
     pub qd_minus: Vec<f64>,
     pub jump: Vec<f64>,
 }

@@ -67,6 +67,7 @@ pub(super) struct Impact {
     pub tangential_restitution: Option<Values>,
     #[serde(default)]
     pub locked: Vec<String>,
+    pub motion: Option<String>,
 }
 
 #[derive(Deserialize)]

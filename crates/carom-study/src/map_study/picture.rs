@@ -1,11 +1,13 @@
 //! Pictures of a map: a curve over one axis, a heat map over two, a row of heat maps over three.
 //!
 //! A heat map is a PNG image inside the SVG with one pixel for each row of the map, which keeps a picture of a million rows
-//! small. Axes, colour bar and legend are lines and text. Words (such as classes) have one colour each and a legend.
+//! small; pixels of rows without a number are transparent and show the hatch below. Axes of lengths have one scale. Axes, colour bar and
+//! legend are lines and text. Words (such as classes) have one colour each and a legend.
 
 use super::{Axis, CLASSES, Study, StudyError};
 use base64::Engine as _;
 use plotters::coord::Shift;
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use rayon::prelude::*;
 use std::fmt::Write as _;
@@ -31,6 +33,8 @@ pub struct Values {
     pub label: String,
     /// The words of a column of words; empty for a column of numbers.
     pub words: Vec<String>,
+    /// Whether colours and the vertical axis of curves are logarithmic.
+    pub logarithmic: bool,
 }
 
 impl Study {
@@ -127,15 +131,27 @@ impl Study {
             title: conditions(axes),
             label: if unit.is_empty() { column.into() } else { format!("{column}, {unit}") },
             words: self.columns[at].words.clone(),
+            logarithmic: false,
         })
     }
 
-    /// One column of the whole map as an SVG picture.
+    /// One column of the whole map as an SVG picture, `logarithmic` or linear in its values.
     ///
     /// # Errors
-    /// As [`Study::values`], and if the picture cannot be drawn.
-    pub fn picture(&self, column: &str) -> Result<String, StudyError> {
-        let values = self.values(column)?;
+    /// As [`Study::values`]; for a logarithmic scale a column of words, or with values that are not above 0; if the picture cannot
+    /// be drawn.
+    pub fn picture(&self, column: &str, logarithmic: bool) -> Result<String, StudyError> {
+        let values = Values { logarithmic, ..self.values(column)? };
+        let refuse = |rule: String| Err(StudyError::File { file: self.file.clone(), rule });
+        if logarithmic && !values.words.is_empty() {
+            return refuse(format!("{column}: words have no logarithmic scale: leave it out"));
+        }
+        let below = values.values.iter().filter(|x| **x <= 0.0);
+        if let Some(least) = below.copied().reduce(f64::min).filter(|_| logarithmic) {
+            return refuse(format!(
+                "{column}: a logarithmic scale needs values above 0, and the least one is {least}: leave it out, or show another column"
+            ));
+        }
         let mut svg = String::new();
         let drawn = if values.is_curve() { curve(&mut svg, &values) } else { heat_maps(&mut svg, &values) };
         drawn.map_err(|e| StudyError::File {
@@ -206,6 +222,12 @@ impl Values {
         }
     }
 
+    /// Place of a value on a scale over `(low, high)`, 0 to 1 between its ends.
+    fn place(&self, value: f64, (low, high): (f64, f64)) -> f64 {
+        let of = |x: f64| if self.logarithmic { x.ln() } else { x };
+        (of(value) - of(low)) / (of(high) - of(low))
+    }
+
     /// Colour (RGB) of a value for a colour bar over `(low, high)`. Values beyond the bar have the colour of its end, NaN is
     /// grey, words have one colour each.
     #[doc(hidden)]
@@ -222,12 +244,12 @@ impl Values {
             let size = low.abs().max(high);
             return mix(&DIVERGING, (value / size + 1.0) / 2.0);
         }
-        mix(&SEQUENTIAL, (value - low) / (high - low))
+        mix(&SEQUENTIAL, self.place(value, (low, high)))
     }
 }
 
 /// Colour of NaN.
-const NOTHING: [u8; 3] = [236, 236, 236];
+const NOTHING: [u8; 3] = [150, 150, 150];
 /// Dark blue to yellow, with linearly increasing lightness.
 const SEQUENTIAL: [[u8; 3]; 6] =
     [[33, 24, 82], [45, 75, 140], [36, 122, 142], [53, 168, 128], [138, 207, 85], [250, 231, 60]];
@@ -312,22 +334,48 @@ fn titled<'s>(
 
 fn curve(svg: &mut String, values: &Values) -> Drawn {
     let axis = &values.axes[0];
-    let count = axis.count() as usize;
     let (left, right) = (0..axis.count())
         .map(|k| axis.value(k))
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
     let (low, high) = if values.words.is_empty() { values.range() } else { (0.0, (values.words.len() - 1) as f64) };
-    let room = 0.05 * (high - low);
     let several = values.axes.get(1);
     let width = 700;
     let size = (width + if several.is_some() { LEGEND } else { 0 }, 460 + HEAD);
     let root = titled(svg, size, &values.title)?;
     let (area, legend) = root.split_horizontally(width);
-    let mut chart = ChartBuilder::on(&area)
+    let across = (left, right);
+    if values.logarithmic {
+        let room = (high / low).powf(0.05);
+        lines((&area, &legend), values, across, (low / room..high * room).log_scale(), &brief)?;
+    } else {
+        let room = 0.05 * (high - low);
+        let number = |y: f64| tick(y, high - low);
+        lines((&area, &legend), values, across, low - room..high + room, &number)?;
+    }
+    root.present()?;
+    Ok(())
+}
+
+type Area<'s> = DrawingArea<SVGBackend<'s>, Shift>;
+
+/// Draws the curves over a vertical axis, whose numbers are written by `number`, and their legend.
+fn lines<Y: AsRangedCoord<Value = f64>>(
+    (area, legend): (&Area, &Area),
+    values: &Values,
+    (left, right): (f64, f64),
+    up: Y,
+    number: &dyn Fn(f64) -> String,
+) -> Drawn
+where
+    Y::CoordDescType: ValueFormatter<f64>,
+{
+    let axis = &values.axes[0];
+    let (count, several) = (axis.count() as usize, values.axes.get(1));
+    let mut chart = ChartBuilder::on(area)
         .margin(14)
         .x_label_area_size(44)
         .y_label_area_size(86)
-        .build_cartesian_2d(left..right, low - room..high + room)?;
+        .build_cartesian_2d(left..right, up)?;
     let word = |y: &f64| {
         let near = y.round();
         if (y - near).abs() > 1e-6 || near < 0.0 {
@@ -336,8 +384,8 @@ fn curve(svg: &mut String, values: &Values) -> Drawn {
             values.words.get(near as usize).cloned().unwrap_or_default()
         }
     };
-    let number = |y: &f64| tick(*y, high - low);
-    let y_label: &dyn Fn(&f64) -> String = if values.words.is_empty() { &number } else { &word };
+    let of_number = |y: &f64| number(*y);
+    let y_label: &dyn Fn(&f64) -> String = if values.words.is_empty() { &of_number } else { &word };
     chart
         .configure_mesh()
         .light_line_style(WHITE)
@@ -363,7 +411,6 @@ fn curve(svg: &mut String, values: &Values) -> Drawn {
             legend.draw(&Text::new(axis.names()[k].clone(), (32, y - 8), TEXT))?;
         }
     }
-    root.present()?;
     Ok(())
 }
 
@@ -382,7 +429,7 @@ fn heat_maps(svg: &mut String, values: &Values) -> Drawn {
     let cells = (across.count() * up.count()) as usize;
     let range = values.colour_range();
     let size = (PANEL.0 * count as u32 + LEGEND, PANEL.1 + 16 + HEAD);
-    let mut images = String::new();
+    let mut images = HATCH.to_owned();
     {
         let root = titled(svg, size, &values.title)?;
         let (maps, legend) = root.split_horizontally(PANEL.0 * count as u32);
@@ -393,12 +440,17 @@ fn heat_maps(svg: &mut String, values: &Values) -> Drawn {
             });
             let place = panel(&area, title.as_deref(), across, up)?;
             let cells = &values.values[k * cells..(k + 1) * cells];
+            hatched(&mut images, place)?;
             image(&mut images, place, cells, across, up, &|x| values.colour(x, range))?;
         }
-        if values.words.is_empty() {
-            colour_bar(&legend, values, range)?
-        } else {
-            word_legend(&legend, values)?
+        let end =
+            if values.words.is_empty() { colour_bar(&legend, values, range)? } else { word_legend(&legend, values)? };
+        let nothing = values.values.iter().filter(|x| x.is_nan()).count();
+        if nothing > 0 {
+            let share = 100.0 * nothing as f64 / values.values.len() as f64;
+            legend.draw(&Text::new(format!("no result {share:.1} %"), (26, end), TEXT))?;
+            let (across, down) = legend.get_pixel_range();
+            hatched(&mut images, [across.start + 4, down.start + end, 14, 14])?;
         }
         root.present()?;
     }
@@ -414,12 +466,21 @@ fn panel(
     across: &Axis,
     up: &Axis,
 ) -> Result<[i32; 4], Box<dyn std::error::Error>> {
+    let [margin, below, beside]: [u32; 3] = [12, 44, 64];
     let ((x0, x1), (y0, y1)) = (ends(across), ends(up));
-    let mut builder = ChartBuilder::on(area);
-    builder.margin(12).x_label_area_size(44).y_label_area_size(64);
-    if let Some(title) = title {
-        builder.caption(title, ("sans-serif", 16));
-    }
+    let area = title.map_or(Ok(area.clone()), |title| area.titled(title, ("sans-serif", 16)))?;
+    // Lengths on both axes have one scale: the longer side fills the panel.
+    let (width, height) = area.dim_in_pixel();
+    let (width, height) = (f64::from(width - 2 * margin - beside), f64::from(height - 2 * margin - below));
+    let scale = if across.unit == "m" && up.unit == "m" {
+        (width / (x1 - x0).abs()).min(height / (y1 - y0).abs())
+    } else {
+        f64::INFINITY
+    };
+    let rest = |size: f64, span: f64| (size - (span.abs() * scale).clamp(NARROWEST, size)).round() as u32;
+    let mut builder = ChartBuilder::on(&area);
+    builder.margin(margin).x_label_area_size(below).y_label_area_size(beside);
+    builder.margin_right(margin + rest(width, x1 - x0)).margin_top(margin + rest(height, y1 - y0));
     let mut chart = builder.build_cartesian_2d(x0..x1, y0..y1)?;
     chart
         .configure_mesh()
@@ -436,6 +497,22 @@ fn panel(
     Ok([x.start, y.start, x.end - x.start, y.end - y.start])
 }
 
+/// The pattern of places without a result.
+const HATCH: &str = "<defs><pattern id=\"no-result\" width=\"7\" height=\"7\" patternUnits=\"userSpaceOnUse\" \
+                     patternTransform=\"rotate(45)\"><rect width=\"7\" height=\"7\" fill=\"#ffffff\"/>\
+                     <rect width=\"2\" height=\"7\" fill=\"#a0a4aa\"/></pattern></defs>\n";
+/// Length of the shorter side of a heat map of lengths, at least, pixels.
+const NARROWEST: f64 = 40.0;
+
+/// Fills a rectangle with the pattern of places without a result.
+fn hatched(svg: &mut String, [x, y, width, height]: [i32; 4]) -> Drawn {
+    writeln!(
+        svg,
+        "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"url(#no-result)\" stroke=\"#787878\"/>"
+    )?;
+    Ok(())
+}
+
 /// Writes the pixels of one heat map, first row of the map at the bottom.
 fn image(
     svg: &mut String,
@@ -446,10 +523,14 @@ fn image(
     colour: &dyn Fn(f64) -> [u8; 3],
 ) -> Drawn {
     let columns = across.count() as usize;
-    let pixels: Vec<u8> = cells.chunks(columns).rev().flatten().flat_map(|value| colour(*value)).collect();
+    let pixel = |value: &f64| {
+        let [r, g, b] = colour(*value);
+        [r, g, b, if value.is_nan() { 0 } else { u8::MAX }]
+    };
+    let pixels: Vec<u8> = cells.chunks(columns).rev().flatten().flat_map(pixel).collect();
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, across.count() as u32, up.count() as u32);
-    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_color(png::ColorType::Rgba);
     encoder.set_depth(png::BitDepth::Eight);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(&pixels)?;
@@ -463,32 +544,55 @@ fn image(
     Ok(())
 }
 
-fn colour_bar(area: &DrawingArea<SVGBackend, Shift>, values: &Values, (low, high): (f64, f64)) -> Drawn {
-    let (top, height) = (44, PANEL.1 as i32 - 110);
+/// Returns the height, pixels, of a further entry.
+fn colour_bar(area: &Area, values: &Values, (low, high): (f64, f64)) -> Result<i32, Box<dyn std::error::Error>> {
+    let (top, height) = (44, PANEL.1 as i32 - 140);
     area.draw(&Text::new(values.label.clone(), (4, 16), TEXT))?;
     for k in 0..height {
-        let value = high + (low - high) * f64::from(k) / f64::from(height - 1);
+        let share = f64::from(k) / f64::from(height - 1);
+        let value = if values.logarithmic { high * (low / high).powf(share) } else { high + (low - high) * share };
         let colour = rgb(values.colour(value, (low, high)));
         area.draw(&Rectangle::new([(4, top + k), (26, top + k + 1)], colour.filled()))?;
     }
     let beyond = |is: &dyn Fn(f64) -> bool| values.values.iter().any(|x| x.is_finite() && is(*x));
     // Round ticks, and the ends where values lie beyond them.
     let step = round_step((high - low) / 5.0);
-    let first = (low / step).ceil() as i64;
-    let mut ticks: Vec<(f64, &str)> =
-        (0..=6).map(|k| ((first + k) as f64 * step, "")).filter(|(x, _)| *x <= high).collect();
+    let even = || {
+        let first = (low / step).ceil() as i64;
+        (0..=6).map(|k| (first + k) as f64 * step).filter(|x| *x <= high).collect()
+    };
+    let mut ticks: Vec<f64> = if values.logarithmic { round_powers(low, high) } else { even() };
+    let place = |value: f64| values.place(value, (low, high));
+    let mut signs = Vec::new();
     for (end, more) in [(high, "≥ "), (low, "≤ ")] {
         if beyond(&|x| if more == "≥ " { x > high } else { x < low }) {
-            ticks.retain(|(x, _)| (x - end).abs() > 0.4 * step);
-            ticks.push((end, more));
+            ticks.retain(|x| (place(*x) - place(end)).abs() > 0.08);
+            signs.push((end, more));
         }
     }
-    for (value, more) in ticks {
-        let text = format!("{more}{}", tick(value, step));
-        let down = f64::from(height - 1) * (high - value) / (high - low).max(f64::MIN_POSITIVE);
-        area.draw(&Text::new(text, (34, top - 6 + down.round() as i32), TEXT))?;
+    for (value, more) in ticks.into_iter().map(|value| (value, "")).chain(signs) {
+        let number = if values.logarithmic { brief(value) } else { tick(value, step) };
+        let down = f64::from(height - 1) * (1.0 - place(value));
+        area.draw(&Text::new(format!("{more}{number}"), (34, top - 6 + down.round() as i32), TEXT))?;
     }
-    Ok(())
+    Ok(top + height + 14)
+}
+
+/// The numbers 1, 2 and 5 times a power of ten from `low` to `high`; of more than seven the powers of ten, of more than fourteen of these
+/// every other, and so on.
+fn round_powers(low: f64, high: f64) -> Vec<f64> {
+    let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
+    let between = |x: &f64| (low..=high).contains(x);
+    let all: Vec<f64> =
+        (first..=last).flat_map(|k| [1.0, 2.0, 5.0].map(|x| x * 10f64.powi(k))).filter(between).collect();
+    let apart = ((last - first) / 7 + 1) as usize;
+    if all.len() <= 7 { all } else { (first..=last).step_by(apart).map(|k| 10f64.powi(k)).filter(between).collect() }
+}
+
+/// A number in three digits.
+fn brief(x: f64) -> String {
+    let rounded: f64 = format!("{x:.2e}").parse().unwrap_or(x);
+    if (1e-3..1e5).contains(&rounded.abs()) { format!("{rounded}") } else { format!("{rounded:e}") }
 }
 
 /// The least 1, 2 or 5 times a power of ten that is not below this.
@@ -502,7 +606,7 @@ fn round_step(least: f64) -> f64 {
 }
 
 /// Legend of the words that occur, each with its colour and its percentage of the rows.
-fn word_legend(area: &DrawingArea<SVGBackend, Shift>, values: &Values) -> Drawn {
+fn word_legend(area: &Area, values: &Values) -> Result<i32, Box<dyn std::error::Error>> {
     area.draw(&Text::new(values.label.clone(), (4, 16), TEXT))?;
     let mut line = 0;
     for (k, word) in values.words.iter().enumerate() {
@@ -519,5 +623,5 @@ fn word_legend(area: &DrawingArea<SVGBackend, Shift>, values: &Values) -> Drawn 
         let name = if word.is_empty() { "none" } else { word };
         area.draw(&Text::new(format!("{name} {share:.1} %"), (26, y), TEXT))?;
     }
-    Ok(())
+    Ok(44 + 22 * line)
 }

@@ -1,7 +1,7 @@
 //! Reads a study file into a [`Study`]. All keys and values are checked here, before the first row is computed.
 
 use super::advise::Wish;
-use super::arm::{Arm, CONDITIONS, Engine, Limit, Poses};
+use super::arm::{Arm, CONDITIONS, Engine, Limit, Poses, Tool};
 use super::axis::{Axis, total};
 use super::file::{self, Advise, Elbow, File, Tip, Values, Words};
 use super::pointing::{self, Pointing};
@@ -12,7 +12,7 @@ use super::{Study, StudyError};
 use crate::Column;
 use carom_chain::algebra::Algebra;
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
-use carom_chain::{Chain, Coordinates, FrameId, JointInfo, Point, input};
+use carom_chain::{Chain, Coordinates, FrameId, FramePoint, JointInfo, Point, ToolMotion, input};
 use carom_impact::{AnyLaw, Coefficients, LAW_NAMES, LawInfo};
 use carom_sim::keys::Table;
 use nalgebra::{SMatrix, SVector, Vector3};
@@ -231,6 +231,7 @@ impl Reading<'_> {
             limits,
             tangential_restitution,
             added: self.added()?,
+            tool: self.tool(frame)?,
             axes,
             laws: impact.law.0.iter().filter_map(|law| AnyLaw::named(law, Coefficients::default())).collect(),
             wants: Wants::of(&quantities),
@@ -353,6 +354,24 @@ impl Reading<'_> {
             }
         }
         Ok(Pointing::new(placed.turn * axis, placed.basis.tr_mul(&direction)))
+    }
+
+    /// The motion of the tip before the impact, if it is not that of least kinetic energy.
+    fn tool(&self, frame: FrameId) -> Result<Option<Tool>, String> {
+        let impact = &self.file.impact;
+        let Some(name) = &impact.motion else { return Ok(None) };
+        let motion = ToolMotion::from_name(name).map_err(|why| format!("[impact] motion: {why}"))?;
+        if motion == ToolMotion::LeastEnergy {
+            return Ok(None);
+        }
+        if !impact.locked.is_empty() {
+            return Err(format!(
+                "[impact] motion = \"{name}\" and locked: locked joints are computed with motion = \"least-energy\" only: \
+                 leave one of both out"
+            ));
+        }
+        let Table((_, robot)) = &self.file.robot;
+        Ok(Some(Tool { chain: self.chain.clone(), at: FramePoint::new(frame, robot.point), motion }))
     }
 
     /// The inertia that locked joints add to M.

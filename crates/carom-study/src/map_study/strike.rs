@@ -66,7 +66,8 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
                 return Ok(Class::Singular);
             }
         }
-        if !self.attain(&h, &condition) {
+        let attained = if self.arm.tool.is_some() { self.move_tool(&condition)? } else { self.attain(&h, &condition) };
+        if !attained {
             return Ok(Class::Singular);
         }
         let Ok(problem) = ImpactProblem::from_gram(h, condition.u) else { return Ok(Class::Refused) };
@@ -140,6 +141,22 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
         attained
     }
 
+    /// Whether joint velocities with contact velocity u⁻ exist that move the tip as the study asks; computes them and their energy.
+    fn move_tool(&mut self, condition: &Condition<D>) -> Result<bool, ChainError> {
+        let (Some(tool), Some(memory)) = (&self.arm.tool, &mut self.tool) else { return Ok(true) };
+        let u = self.arm.basis * (condition.axes * condition.u);
+        let mut at = memory.update(&tool.chain, &self.pose.q)?;
+        match at.tool_velocity(tool.at, u, tool.motion) {
+            Ok(qd) => {
+                self.energy = Some(at.kinetic_energy(qd.as_slice())?);
+                self.qd_minus.copy_from_slice(qd.as_slice());
+                Ok(true)
+            }
+            Err(ChainError::NoVelocity { .. }) => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+
     /// u − J q̇.
     fn missed(&self, u: &SVector<f64, D>, qd: &[f64]) -> SVector<f64, D> {
         u - self.response().velocity(qd)
@@ -179,8 +196,8 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
                 Q::LockedMass => (self.locked_mass(condition)?, 1),
                 Q::Coupling => (-coupling / normal, 1),
                 Q::EnergyLoss => (-hit.energy_change, 1),
-                // exact, as T⁻ = ½ u⁻ᵀH⁻¹u⁻ for the velocities of least kinetic energy
-                Q::EnergyRatio => (1.0 + hit.energy_change / hit.energy_before, 1),
+                // The energy of the contact is that of the chain, ½ u⁻ᵀH⁻¹u⁻, for the velocities of least kinetic energy.
+                Q::EnergyRatio => (1.0 + hit.energy_change / self.energy.unwrap_or(hit.energy_before), 1),
                 Q::JointJump => (self.jump.iter().fold(0.0, |worst, x| x.abs().max(worst)), 1),
                 Q::JointLoad => {
                     let p = condition.axes * hit.impulse;

@@ -1,7 +1,7 @@
 //! Rows of impact maps agree with single impacts, and do not depend on other rows.
 
 use crate::map_study::{robot, study};
-use carom_chain::Chain;
+use carom_chain::{Chain, ToolMotion};
 use carom_impact::{Coefficients, law_by_name};
 use carom_sim::{ChainImpact, Impacts, JointModel};
 use carom_study::map_study::{CLASSES, Evaluator, Study};
@@ -423,4 +423,80 @@ fn rows_with_locked_joints_are_single_impacts_with_locked_joints() {
     );
     let why = wrong.err().unwrap().to_string();
     assert!(why.contains("[impact] locked holds \"hand\"") && why.contains("shoulder, elbow, wrist"), "{why}");
+}
+
+/// With `motion` the joint velocities of a row are those of the chain's tool velocity, in the plane and in space, the row is the single
+/// impact with them, and impulses do not depend on them.
+#[test]
+fn rows_have_the_tool_motion_that_is_asked_for() {
+    let wanted = r#""impulse", "energy_ratio", "qd_minus", "qd_plus""#;
+    let poses = [
+        ("planar3", "[joints]\nshoulder = [0.4, -0.7]\nelbow = [-1.2, 0.8]\nwrist = [0.3, 1.1]".to_owned()),
+        ("arm7", {
+            let chain = Chain::from_urdf_file(robot("arm7")).unwrap();
+            let one = |(k, name): (usize, &String)| format!("{name} = [{}, 0.9]\n", 0.3 + 0.1 * k as f64);
+            format!("[joints]\n{}", joints(&chain).iter().enumerate().map(one).collect::<String>())
+        }),
+    ];
+    for (name, poses) in &poses {
+        let chain = Chain::from_urdf_file(robot(name)).unwrap();
+        let tip = chain.frame("tip").unwrap();
+        let of = |motion: &str| {
+            let impact = format!(
+                "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 60\nspeed = 0.2\nlaw = \"energetic\"\n\
+                 restitution = 0.5\nfriction = 0.3\n{motion}"
+            );
+            study(name, poses, &impact, wanted)
+        };
+        let plain = of("");
+        let (mut least, names) = (plain.evaluator(), joints(&chain));
+        let law = law_by_name::<3>("energetic", Coefficients { restitution: 0.5, friction: 0.3, ..Default::default() })
+            .unwrap();
+        let u = 0.2 * nalgebra::Vector3::new(60f64.to_radians().sin(), -0.5, 0.0);
+        for (motion, word) in ToolMotion::ALL {
+            let map = of(&format!("motion = \"{word}\""));
+            let mut evaluator = map.evaluator();
+            let mut other = 0;
+            for index in 0..map.rows().min(16) {
+                let row = Row::of(&map, &mut evaluator, index);
+                let q = row.group("q", &names);
+                let wanted = chain.workspace().update(&chain, &q).unwrap().tool_velocity(tip.into(), u, motion);
+                let Ok(wanted) = wanted else {
+                    assert_eq!(row.class(), "singular");
+                    continue;
+                };
+                let qd = row.group("qd_minus", &names);
+                assert!(qd.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 1e-9), "{word} {index}: {qd:?} {wanted}");
+                let hit = chain.impact(&q, &qd).at(tip).normal([-1.0, 0.0, 0.0]).resolve(law.as_ref()).unwrap();
+                let ratio = row.get("energy_ratio");
+                assert!((ratio - hit.energy_ratio()).abs() < 1e-9, "{word}: {ratio} {}", hit.energy_ratio());
+                let plus = row.group("qd_plus", &names);
+                assert!(plus.iter().zip(&hit.qd_plus).all(|(a, b)| (a - b).abs() < 1e-9), "{word} {index}");
+                let same = Row::of(&plain, &mut least, index);
+                assert!((same.get("impulse") - row.get("impulse")).abs() < 1e-10);
+                let apart = same.group("qd_minus", &names).iter().zip(&qd).any(|(a, b)| (a - b).abs() > 1e-4);
+                other += usize::from(apart);
+            }
+            assert_eq!(other > 0, motion != ToolMotion::LeastEnergy, "{name} {word}: {other}");
+        }
+        for (keys, why) in [
+            ("motion = \"fast\"", "[impact] motion: 'fast' is none of least-energy, least-norm, without-rotation"),
+            (
+                "motion = \"least-norm\"\nlocked = [\"elbow\"]",
+                "locked joints are computed with motion = \"least-energy\" only",
+            ),
+        ] {
+            let impact =
+                format!("normal = [-1, 0, 0]\napproach_deg = 90\nspeed = 1\nlaw = \"newton\"\nrestitution = 0\n{keys}");
+            let text = format!(
+                "robot = {{ urdf = {:?} }}\n{poses}\n[impact]\n{impact}\n[map]\nquantities = []\n",
+                robot(name)
+            );
+            let said = Study::from_toml(&text.replace("elbow\"]", &format!("{}\"]", names[1])), ".")
+                .err()
+                .unwrap()
+                .to_string();
+            assert!(said.contains(why), "{said}");
+        }
+    }
 }
