@@ -96,7 +96,7 @@ pub struct Simulate {
     /// Columns: time (s), event (its kind), contact (contact or joint), detail (slip at the end of an impact:
     /// stick, slip, reverse-slip; reason of others), flags; point x, y, z (m), impulse on the robot px, py, pz
     /// (N s), and of an impact at one contact its velocity before and after, ux_minus … uz_plus (m/s), all
-    /// in world axes; qd_minus.<joint>, qd_plus.<joint> (rad/s, m/s). What an event lacks is empty.
+    /// in world axes; qd_minus.<joint>, qd_plus.<joint> (rad/s, m/s). Numbers that an event lacks are NaN.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     events: Option<PathBuf>,
     /// Start from this state instead of that of the scene

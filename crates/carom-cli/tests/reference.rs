@@ -41,7 +41,7 @@ fn header(file: &Path) -> Vec<String> {
 fn general(column: &str) -> String {
     let mut parts = column.split('.');
     match (parts.next(), parts.next(), parts.next()) {
-        (Some(head @ ("q" | "qd")), Some(_), None) => format!("{head}.JOINT"),
+        (Some(head @ ("q" | "qd" | "motor")), Some(_), None) => format!("{head}.JOINT"),
         (Some(head @ ("q" | "qd")), Some(_), Some(_)) => format!("{head}.JOINT.K"),
         _ => column.to_owned(),
     }
@@ -61,7 +61,7 @@ fn columns_of_a_simulation_are_those_of_the_page() {
     let (page, desk) = (page("reference-output.md"), folder());
     let mut seen = BTreeSet::new();
     for scene in ["planar2", "bounce"] {
-        carom(&desk, &format!("simulate scenes/{scene}.toml --csv {scene}.csv"));
+        carom(&desk, &format!("simulate scenes/{scene}.toml --loads --csv {scene}.csv"));
         seen.extend(header(&desk.join(format!("{scene}.csv"))).iter().map(|column| general(column)));
     }
     assert_eq!(seen, named(&page, "## Simulation").into_iter().collect());

@@ -25,13 +25,14 @@ pub fn page(name: &str) -> String {
     text(&format!("book/src/{name}"))
 }
 
-/// What stands in backticks at the beginning of the rows of the table under a heading of a page, in order.
+/// What stands in backticks in the first cells of the table under a heading of a page, in order; a cell begins with such a name.
 #[track_caller]
 pub fn named(page: &str, heading: &str) -> Vec<String> {
     let mut lines = page.lines().skip_while(|line| *line != heading);
     assert!(lines.next().is_some(), "the page has no heading {heading}");
     let section = lines.take_while(|line| !line.starts_with('#'));
-    section.filter_map(|line| Some(line.strip_prefix("| `")?.split_once('`')?.0.to_owned())).collect()
+    let cells = section.filter_map(|line| line.strip_prefix("| `")?.split(" |").next());
+    cells.flat_map(|cell| cell.split('`').step_by(2).filter(|name| !name.is_empty()).map(str::to_owned)).collect()
 }
 
 /// A robot of the repository.

@@ -56,7 +56,9 @@ fn loads_of_a_run_are_in_the_answer_and_in_tables() {
         let numbers =
             [&event["time"]].into_iter().chain(own).chain(["joint_impulse", "motors_minus", "motors_plus"].map(of));
         for (cell, number) in [0, 3, 4, 5, 9, 10, 11].into_iter().zip(numbers) {
-            assert_eq!(row[cell].parse::<f64>().unwrap(), number.as_f64().unwrap(), "{row:?}");
+            // serde_json reads decimals to a unit of the last place.
+            let (cell, number) = (row[cell].parse::<f64>().unwrap(), number.as_f64().unwrap());
+            assert!((cell - number).abs() <= f64::EPSILON * number.abs(), "{number} in {row:?}");
         }
     }
     let states = rows("x.csv");
@@ -113,7 +115,7 @@ fn the_table_of_events_has_the_numbers_of_the_answer() {
                 let of =
                     |impulse: &&Value| impulse["contact"] == row["contact"] && near(row["x"], &impulse["point"][0]);
                 let impulse = impulses.iter().find(of);
-                assert_eq!(impulse.is_some(), !row["px"].is_empty(), "{row:?}");
+                assert_eq!(impulse.is_some(), row["px"] != "NaN", "{row:?}");
                 if let Some(impulse) = impulse {
                     assert!(["px", "py", "pz"].iter().enumerate().all(|(k, p)| near(row[p], &impulse["impulse"][k])));
                     struck += 1;

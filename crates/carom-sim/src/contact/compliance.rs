@@ -1,6 +1,6 @@
 //! Compliant contacts of a simulation: their force laws, and the state that some of these need beside q and qd.
 
-use super::rule::ContactLaw;
+use super::law::ContactLaw;
 use crate::error::SimError;
 use carom_impact::{
     Bristle, Damping, HuntCrossley, ImpactError, KelvinVoigt, NormalForce, SmoothedCoulomb, TangentialForce,

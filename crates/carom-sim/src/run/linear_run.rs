@@ -1,10 +1,10 @@
 //! A run as a linear map from changes of its start and parameters to those of its outcome, and its transpose.
 
-use super::sensitivity::{AllColumns, Maps};
 use super::variation::{Gauss, LinearStep};
 use crate::error::SimError;
 use crate::state::Moment;
 use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
 
 /// One of the linear maps of which the derivative of a run is the product.
 pub(crate) enum Piece {
@@ -34,6 +34,81 @@ impl LinearEvent {
     pub fn forward(&self, s: &DMatrix<f64>, changes: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
         let time_by = s.tr_mul(&self.time_by) + changes.tr_mul(&self.time_push);
         (&self.map * s + &self.push * changes, time_by.as_slice().to_vec())
+    }
+}
+
+/// The time of an event, and its derivatives. Serde leaves out derivatives whose digits do not count.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EventTime {
+    /// Time, s.
+    pub time: f64,
+    /// Names of what happens ([`EventKind::name`](crate::EventKind::name)).
+    pub kinds: Vec<&'static str>,
+    /// Derivatives by the columns of [`Sensitivity`]; not numbers for impacts so slow that their digits do not count: the last ones before
+    /// an accumulation. Their effect on the motion is part of the other derivatives all the same.
+    #[serde(skip_serializing_if = "uncounted")]
+    pub time_by: Vec<f64>,
+}
+
+fn uncounted(numbers: &[f64]) -> bool {
+    !numbers.iter().all(|x| x.is_finite())
+}
+
+/// What is done with the linear maps of a run, first one first.
+pub(crate) trait Maps {
+    /// `None` where the equations of the map are singular.
+    fn add(&mut self, piece: Piece) -> Option<()>;
+    /// S up to now.
+    fn columns(&mut self) -> Option<DMatrix<f64>>;
+}
+
+/// S, of which all columns are carried on.
+pub(crate) struct AllColumns {
+    gauss: Gauss,
+    /// The changes of the parameters that belong to the columns.
+    changes: DMatrix<f64>,
+    pub s: DMatrix<f64>,
+    pub events: Vec<EventTime>,
+}
+
+impl AllColumns {
+    /// Of the derivatives by a start of `moving` numbers and by parameters.
+    pub fn new(moving: usize, parameters: usize) -> Self {
+        let columns = moving + parameters;
+        let changes = DMatrix::from_fn(parameters, columns, |i, j| if i + moving == j { 1.0 } else { 0.0 });
+        Self { gauss: Gauss::new(), changes, s: DMatrix::zeros(0, columns), events: Vec::new() }
+    }
+
+    /// S after another map.
+    pub fn pass(&mut self, piece: &Piece) -> Option<()> {
+        match piece {
+            Piece::Start(start) => {
+                self.s = DMatrix::zeros(start.nrows(), self.changes.ncols());
+                self.s.columns_mut(0, start.ncols()).copy_from(start);
+            }
+            Piece::Step(step) => self.s = step.forward(&self.gauss, &self.s, &self.changes)?,
+            Piece::Event(event) => {
+                let (after, mut time_by) = event.forward(&self.s, &self.changes);
+                self.s = after;
+                if !event.counts {
+                    time_by.fill(f64::NAN);
+                }
+                if !event.kinds.is_empty() {
+                    self.events.push(EventTime { time: event.time, kinds: event.kinds.clone(), time_by });
+                }
+            }
+        }
+        Some(())
+    }
+}
+
+impl Maps for AllColumns {
+    fn add(&mut self, piece: Piece) -> Option<()> {
+        self.pass(&piece)
+    }
+
+    fn columns(&mut self) -> Option<DMatrix<f64>> {
+        Some(self.s.clone())
     }
 }
 

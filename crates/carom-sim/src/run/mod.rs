@@ -27,9 +27,9 @@ mod stream;
 mod trajectory;
 mod variation;
 
-pub use linear_run::LinearRun;
+pub use linear_run::{EventTime, LinearRun};
 pub use named::{AtContact, NamedEvent, UnderLaw};
-pub use sensitivity::{Broken, EventTime, Sensitivity};
+pub use sensitivity::{Broken, Sensitivity};
 pub use session::{Advance, Session, SessionState};
 pub use trajectory::{
     EnergyBooks, Event, EventKind, EventLoads, Sampling, Seen, Segment, Statistics, StepReason, StopReason, Summary,

@@ -31,11 +31,11 @@
 use super::crossing::{After, Before, WIDE, jump, normal, outcome, rate, value};
 use super::guard::Ending;
 use super::guard::Is;
-use super::linear_run::{LinearEvent, LinearRun, Piece, Pieces};
+use super::linear_run::{AllColumns, EventTime, LinearEvent, LinearRun, Maps, Piece, Pieces};
 use super::run_state::Run;
 use super::sampler::Step;
 use super::trajectory::{EventKind, Sampling, Seen};
-use super::variation::{AT, Gauss, LinearStep, WEIGHTS, left_inverse};
+use super::variation::{AT, LinearStep, WEIGHTS, left_inverse};
 use crate::error::SimError;
 use crate::impact::Derivatives;
 use crate::model::{Parameter, Simulation};
@@ -65,23 +65,6 @@ pub struct Sensitivity {
     pub events: Vec<EventTime>,
     /// Where and why the derivatives end, if they do.
     pub broken: Option<Broken>,
-}
-
-/// The time of an event, and its derivatives. Serde leaves out derivatives whose digits do not count.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct EventTime {
-    /// Time, s.
-    pub time: f64,
-    /// Names of what happens ([`EventKind::name`](crate::EventKind::name)).
-    pub kinds: Vec<&'static str>,
-    /// Derivatives by the columns of [`Sensitivity`]; not numbers for impacts so slow that their digits do not count: the last ones before
-    /// an accumulation. Their effect on the motion is part of the other derivatives all the same.
-    #[serde(skip_serializing_if = "uncounted")]
-    pub time_by: Vec<f64>,
-}
-
-fn uncounted(numbers: &[f64]) -> bool {
-    !numbers.iter().all(|x| x.is_finite())
 }
 
 /// Where the outcome of a run is not differentiable.
@@ -209,64 +192,6 @@ fn differentiate(
     match flat {
         Some(model) => follow::<Planar<f64>>(simulation, model, start, duration, parameters, each),
         None => follow::<Spatial<f64>>(simulation, &simulation.chain, start, duration, parameters, each),
-    }
-}
-
-/// What is done with the linear maps of a run, first one first.
-pub(crate) trait Maps {
-    /// `None` where the equations of the map are singular.
-    fn add(&mut self, piece: Piece) -> Option<()>;
-    /// S up to now.
-    fn columns(&mut self) -> Option<DMatrix<f64>>;
-}
-
-/// S, of which all columns are carried on.
-pub(crate) struct AllColumns {
-    gauss: Gauss,
-    /// The changes of the parameters that belong to the columns.
-    changes: DMatrix<f64>,
-    s: DMatrix<f64>,
-    events: Vec<EventTime>,
-}
-
-impl AllColumns {
-    /// Of the derivatives by a start of `moving` numbers and by parameters.
-    pub fn new(moving: usize, parameters: usize) -> Self {
-        let columns = moving + parameters;
-        let changes = DMatrix::from_fn(parameters, columns, |i, j| if i + moving == j { 1.0 } else { 0.0 });
-        Self { gauss: Gauss::new(), changes, s: DMatrix::zeros(0, columns), events: Vec::new() }
-    }
-
-    /// S after another map.
-    pub fn pass(&mut self, piece: &Piece) -> Option<()> {
-        match piece {
-            Piece::Start(start) => {
-                self.s = DMatrix::zeros(start.nrows(), self.changes.ncols());
-                self.s.columns_mut(0, start.ncols()).copy_from(start);
-            }
-            Piece::Step(step) => self.s = step.forward(&self.gauss, &self.s, &self.changes)?,
-            Piece::Event(event) => {
-                let (after, mut time_by) = event.forward(&self.s, &self.changes);
-                self.s = after;
-                if !event.counts {
-                    time_by.fill(f64::NAN);
-                }
-                if !event.kinds.is_empty() {
-                    self.events.push(EventTime { time: event.time, kinds: event.kinds.clone(), time_by });
-                }
-            }
-        }
-        Some(())
-    }
-}
-
-impl Maps for AllColumns {
-    fn add(&mut self, piece: Piece) -> Option<()> {
-        self.pass(&piece)
-    }
-
-    fn columns(&mut self) -> Option<DMatrix<f64>> {
-        Some(self.s.clone())
     }
 }
 

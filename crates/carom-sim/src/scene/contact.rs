@@ -100,7 +100,7 @@ fn compliance(given: &file::Compliance) -> Result<Compliance, String> {
 
 /// The touches between links: those of `links` and of `between_robots`.
 pub(crate) fn between_links(contact: &Contact, chain: &Chain, rule: &ContactRule) -> Result<Touches, SimError> {
-    let refuse = |why: String| super::refuse(format!("[contact] {why}"));
+    let refuse = |why: String| SimError::Scene { file: String::new(), rule: format!("[contact] {why}") };
     let several = !chain.members().is_empty();
     if contact.between_robots.is_some() && !several {
         return Err(refuse("between_robots is for scenes with several robots ([[robot]]): remove it".into()));

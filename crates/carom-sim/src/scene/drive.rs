@@ -1,43 +1,28 @@
 //! The controllers in a scene file, and the keys that each of them reads.
 
-use super::file::{Control, PerJoint, Target};
+use super::file::{CONTROLLERS, Control, Controller, PerJoint, Target};
 use super::surface::half_space;
 use super::table::Columns;
 use crate::contact::Surface;
 use crate::model::{Drive, Gains, ImpactInvariant, Pd, Reference, TorqueTable, Tracking, Transition, motors};
 use carom_chain::{Chain, ChainError, Coordinates};
 use nalgebra::Vector3;
-use serde::{Deserialize, Deserializer};
 use std::path::{Path, PathBuf};
 
-/// A controller: its name, the keys that it reads, and how it is made from them.
-type Row = (&'static str, &'static [&'static str], fn(&Drives) -> Result<Drive, String>);
+/// What a controller reads, and how it is made from it.
+type Row = (&'static [&'static str], fn(&Drives) -> Result<Drive, String>);
 
-/// All controllers of scene files.
-const CONTROLLERS: [Row; 8] = [
-    ("off", &[], |_| Ok(Drive::Off)),
-    ("pd", &["target", "kp", "kd"], |own| own.pd()),
-    ("constant", &["torque"], |own| Ok(Drive::Constant(own.given("torque", &own.control.torque)?.clone()))),
-    ("gravity-compensation", &[], |_| Ok(Drive::GravityCompensation)),
-    ("transition", &["gain", "press", "compensate"], |own| own.transition()),
-    ("impact-invariant", &["target", "kp", "kd"], |own| own.impact_invariant()),
-    ("torque-file", &["torque_file"], |own| own.torque_file()),
-    ("tracking", &["reference", "kp", "kd", "feed_forward"], |own| own.tracking()),
+/// The controllers of scene files, in the order of their names.
+const ROWS: [Row; CONTROLLERS.len()] = [
+    (&[], |_| Ok(Drive::Off)),
+    (&["target", "kp", "kd"], |own| own.pd()),
+    (&["torque"], |own| Ok(Drive::Constant(own.given("torque", &own.control.torque)?.clone()))),
+    (&[], |_| Ok(Drive::GravityCompensation)),
+    (&["gain", "press", "compensate"], |own| own.transition()),
+    (&["target", "kp", "kd"], |own| own.impact_invariant()),
+    (&["torque_file"], |own| own.torque_file()),
+    (&["reference", "kp", "kd", "feed_forward"], |own| own.tracking()),
 ];
-
-/// The index of a controller in the list of all.
-#[derive(Default, Clone, Copy, PartialEq)]
-pub(crate) struct Controller(usize);
-
-impl<'de> Deserialize<'de> for Controller {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        let name = String::deserialize(from)?;
-        CONTROLLERS.iter().position(|(own, ..)| *own == name).map(Self).ok_or_else(|| {
-            let known = CONTROLLERS.map(|(name, ..)| name).join("`, `");
-            serde::de::Error::custom(format_args!("unknown variant `{name}`, expected one of `{known}`"))
-        })
-    }
-}
 
 /// What the controllers of a robot are made from.
 #[derive(Clone, Copy)]
@@ -81,8 +66,8 @@ impl Drives<'_> {
     pub fn both(&self) -> Result<(Drive, Option<Drive>), String> {
         let Control { controller, after_impact, .. } = self.control;
         let made = |asks, Controller(row): Controller| {
-            let (name, _, make) = CONTROLLERS[row];
-            make(&Drives { asks, name, ..*self })
+            let (_, make) = ROWS[row];
+            make(&Drives { asks, name: CONTROLLERS[row], ..*self })
         };
         let drive = made("controller", *controller)?;
         let after = after_impact.map(|after| made("after_impact", after)).transpose()?;
@@ -93,11 +78,11 @@ impl Drives<'_> {
     /// Refuses keys that no chosen controller reads.
     fn check_unused(&self) -> Result<(), String> {
         let Control { controller, after_impact, given, .. } = self.control;
-        let reads = |(_, keys, _): &Row, key: &str| keys.contains(&key);
+        let reads = |row: usize, key: &str| ROWS[row].0.contains(&key);
         for key in given {
-            let read =
-                [Some(*controller), *after_impact].into_iter().flatten().any(|it| reads(&CONTROLLERS[it.0], key));
-            if let Some((name, ..)) = CONTROLLERS.iter().find(|row| reads(row, key)).filter(|_| !read) {
+            let read = [Some(*controller), *after_impact].into_iter().flatten().any(|Controller(row)| reads(row, key));
+            if let Some(row) = (0..ROWS.len()).find(|row| reads(*row, key)).filter(|_| !read) {
+                let name = CONTROLLERS[row];
                 return Err(format!(
                     "{} {key} is not read by the chosen controller: remove it or set controller = \"{name}\"",
                     self.table

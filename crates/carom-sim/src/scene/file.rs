@@ -1,6 +1,5 @@
 //! The keys of a scene file for serde; the book documents them (`book/src/reference-scene.md`).
 
-use super::drive::Controller;
 use super::keys::{Loading, Table};
 use super::perturb::Distribution;
 use crate::contact::{RestitutionBySpeed, SeveralLaw};
@@ -214,6 +213,24 @@ key_group! {
         gain: Option<f64>,
         press: Option<f64>,
         compensate: Option<bool>,
+    }
+}
+
+/// The names of all controllers.
+pub(crate) const CONTROLLERS: [&str; 8] =
+    ["off", "pd", "constant", "gravity-compensation", "transition", "impact-invariant", "torque-file", "tracking"];
+
+/// The index of a controller in the list of all.
+#[derive(Default, Clone, Copy, PartialEq)]
+pub(crate) struct Controller(pub usize);
+
+impl<'de> Deserialize<'de> for Controller {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(from)?;
+        CONTROLLERS.iter().position(|own| *own == name).map(Self).ok_or_else(|| {
+            let known = CONTROLLERS.join("`, `");
+            serde::de::Error::custom(format_args!("unknown variant `{name}`, expected one of `{known}`"))
+        })
     }
 }
 
