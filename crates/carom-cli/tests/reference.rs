@@ -41,7 +41,8 @@ fn header(file: &Path) -> Vec<String> {
 fn general(column: &str) -> String {
     let mut parts = column.split('.');
     match (parts.next(), parts.next(), parts.next()) {
-        (Some(head @ ("q" | "qd" | "motor")), Some(_), None) => format!("{head}.JOINT"),
+        (Some("motor"), Some(_), _) => "motor.JOINT".into(),
+        (Some(head @ ("q" | "qd")), Some(_), None) => format!("{head}.JOINT"),
         (Some(head @ ("q" | "qd")), Some(_), Some(_)) => format!("{head}.JOINT.K"),
         _ => column.to_owned(),
     }
