@@ -63,7 +63,7 @@ impl Reference {
     /// Position, velocity and acceleration of joint `k` at a time.
     ///
     /// # Panics
-    /// If `k` is not below [`Reference::joints`].
+    /// If `k` is not below the number of joints.
     pub fn at(&self, k: usize, time: f64) -> [f64; 3] {
         let (t, Curve { y, m }) = (&self.times, &self.curves[k]);
         let last = t.len() - 1;

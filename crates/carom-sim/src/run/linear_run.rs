@@ -44,7 +44,7 @@ pub struct EventTime {
     pub time: f64,
     /// Names of what happens ([`EventKind::name`](crate::EventKind::name)).
     pub kinds: Vec<&'static str>,
-    /// Derivatives by the columns of [`Sensitivity`]; not numbers for impacts so slow that their digits do not count: the last ones before
+    /// Derivatives by the columns of [`Sensitivity`](super::Sensitivity); not numbers for impacts so slow that their digits do not count: the last ones before
     /// an accumulation. Their effect on the motion is part of the other derivatives all the same.
     #[serde(skip_serializing_if = "uncounted")]
     pub time_by: Vec<f64>,
