@@ -7,7 +7,7 @@ use crate::scene::Scene;
 use crate::sensitivity::{self, Sensitivity};
 use crate::session::Session;
 use crate::table::Table;
-use crate::threads::{LOOK, interruptible, left_behind, on_all_cores};
+use crate::threads::{LOOK, interruptible, left_behind};
 use carom_sim::{Sampling, Seen};
 use carom_study::{ALL_THE_SAME, SCENE_KEY, ensemble, run_columns};
 use pyo3::exceptions::{PyUserWarning, PyValueError};
@@ -111,7 +111,8 @@ impl Scene {
         Ok(self.functions.pass(run)?.into())
     }
 
-    /// Runs the scene `count` times from starts that `[run] perturb` of the scene disturbs, on all cores. Ctrl-C ends it.
+    /// Runs the scene `count` times from starts that `[run] perturb` of the scene disturbs, on all cores. After Ctrl-C the present runs go on in
+    /// the background until they have ended, without a result.
     ///
     /// Returns:
     ///     A Table with a row for each run: run (0 is the start itself), outcome ("duration", "events", "refused"), impacts,
@@ -125,19 +126,22 @@ impl Scene {
         if self.functions.controller.as_ref().is_some_and(|it| it.rate().is_some()) {
             return Err(PyValueError::new_err("the scene has a controller with a rate: simulate each start by itself"));
         }
-        let scene = &*self.scene;
+        let scene = self.scene.clone();
         if scene.perturbation.is_none() {
             return Err(exceptions::SimulationError::new_err(ALL_THE_SAME));
         }
         let plan = py.detach(|| scene.plan()).map_err(raise)?;
-        let columns = run_columns(scene, &plan);
-        let rows = on_all_cores(py, |stop| {
+        let columns = run_columns(&scene, &plan);
+        let width = columns.len();
+        let own = scene.clone();
+        // A single run may take minutes, and ends by itself.
+        let rows = left_behind(py, move |stop| {
             let mut rows = Vec::new();
             let each = |run: carom_study::Run| {
-                rows.extend(run.row(columns.len()));
+                rows.extend(run.row(width));
                 Ok::<(), std::convert::Infallible>(())
             };
-            let Ok(()) = ensemble(scene, count, stop, each);
+            let Ok(()) = ensemble(&own, count, stop, each);
             rows
         })?;
         self.functions.pass(Ok(()))?;

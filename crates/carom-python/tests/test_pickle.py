@@ -22,6 +22,14 @@ def brake(time, q, qd):
     return -0.4 * qd
 
 
+def shown(value, name):
+    """What an attribute of an object is, or why there is none."""
+    try:
+        return getattr(value, name)
+    except ValueError as error:
+        return str(error)
+
+
 def plain(value):
     """What an object shows: numbers, words, and the same of what it holds."""
     if isinstance(value, np.ndarray):
@@ -36,8 +44,8 @@ def plain(value):
     if isinstance(value, slice) or isinstance(value, float):
         return repr(value)
     if type(value).__module__ == "carom":
-        names = [name for name in vars(type(value)) if not name.startswith("_") and not callable(getattr(value, name))]
-        held = value.numpy() if isinstance(value, carom.Table) else {name: getattr(value, name) for name in names}
+        names = [name for name in vars(type(value)) if not name.startswith("_") and not callable(shown(value, name))]
+        held = value.numpy() if isinstance(value, carom.Table) else {name: shown(value, name) for name in names}
         return repr(value), plain(held), plain(list(value)) if isinstance(value, carom.Impacts) else ()
     return value
 

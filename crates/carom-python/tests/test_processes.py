@@ -106,7 +106,7 @@ LONG = {
     "session": "free.session().advance(1e6)",
     "session to an event": "free.with_start([-1.5, 0.1], [0, 0]).session().advance_to_event(1e6)",
     "derivatives of a run": "free.with_start([-1.5, 0.1], [0, 0]).with_duration(3e4).sensitivity()",
-    "runs": "free.with_keys({'run.perturb': {'q': 0.01}}).runs(10000)",
+    "runs": "free.with_duration(10).with_keys({'run.perturb': {'q': 0.01}}).runs(10**7)",
     "batch": "chain.impact(q, qd, law=carom.Energetic(0.4, 0.2), **strike)",
     "batch with derivatives": "chain.impact(q, qd, law=carom.Energetic(0.4, 0.2), derivatives=True, **strike)",
     "dynamics": "for _ in range(1000): chain.mass_matrix(q)",

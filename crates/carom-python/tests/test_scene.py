@@ -246,14 +246,14 @@ def test_a_scene_with_other_keys_is_the_scene_of_the_changed_dict():
     keys["run"]["target"]["fl_pitch"] = 0.6
     del keys["run"]["perturb"]
     keys["contact"]["friction"] = 0.5
-    keys["surface"][0]["restitution"] = 0.2
+    keys["surface"][0]["contact"] = {"restitution": 0.2}
     keys["robot"]["mass"] = {"trunk": 12}
     changes = {
         "run.kp": 200,
         "run": {"gravity": np.array([0, 0, -1.62]), "target": {"fl_pitch": 0.6}, "perturb": None},
         "run.duration": 0.4,
         "contact.friction": 0.5,
-        "surface[0].restitution": 0.2,
+        "surface[0].contact.restitution": 0.2,
         "robot.mass.trunk": 12,
     }
     changed = scene.with_keys(changes)
@@ -279,7 +279,7 @@ def test_a_scene_with_other_keys_is_the_scene_of_the_changed_dict():
         ({"surface.friction": 0.5}, ValueError, r"surface.friction: surface is a list of 1: write surface\[0\]"),
         ({"run.duration.x": 0.5}, ValueError, "run.duration.x: duration is a float, which has no keys"),
         ({"contact[0].friction": 0.5}, ValueError, r"contact\[0\].friction: contact is no list: leave out \[0\]"),
-        ({"robot.mass": {"tibb": 1}}, carom.UrdfError, "no link is named 'tibb'; did you mean 'tip'"),
+        ({"robot.mass": {"tibb": 1}}, carom.ChainError, "no link is named 'tibb'; did you mean 'tip'"),
         ({"robot.mass": {"link1": -1}}, carom.ChainError, "mass of a link is -1: it must be positive"),
         ({1: 2}, TypeError, "the key 1 is not a string"),
         (["run.kp"], TypeError, "changes is not a dict"),
@@ -314,7 +314,7 @@ def test_a_comparison_finds_the_law_that_made_the_data(rng):
     after = [carom.law(h, v, carom.Poisson(0.6, 0.3)).u_plus for h, v in zip(H, u)]
     found = carom.compare(delassus=H, u_minus=u, u_plus=after, name="own", folds=3)
     rows = found["comparisons"][0]["rows"]
-    best = min((row for row in rows if not row["effects"]), key=lambda row: row["mean"])
+    best = min((row for row in rows if not row.get("effects")), key=lambda row: row["mean"])
     assert best["law"] == "poisson" and best["mean"] < 1e-5
     assert found["folds"] == 3 and "poisson" in found["markdown"] and found["svg"]["own"].startswith("<svg")
     with pytest.raises(carom.FitError, match="number of folds is 1"):
@@ -328,7 +328,7 @@ def test_a_comparison_finds_the_law_that_made_the_data(rng):
 def test_a_chart_has_the_errors_of_the_methods():
     scene = carom.Scene.from_file(ROOT / "scenes/planar2.toml").with_duration(0.2)
     chart = carom.chart(scene, budget=0.05)
-    assert min(run["at_end"] for run in chart["runs"] if run["at_end"] is not None) < 1e-6
+    assert min(run["at_end"] for run in chart["runs"] if "at_end" in run) < 1e-6
     assert chart["csv"].startswith("method") and chart["svg"].startswith("<svg")
     with pytest.raises(ValueError, match="no compliant contact"):
         carom.chart(scene, stiffness=True)

@@ -476,7 +476,14 @@ class Chain:
         *,
         gravity: ArrayLike | None = None,
         out: _Floats | None = None,
-    ) -> _Floats: ...
+    ) -> _Floats:
+        """The derivatives of `inverse_dynamics` by q and by qd, shape (2, nv, nv) or (B, 2, nv, nv): column k of the first is that along the
+        motion with unit qd[k], so that a floating joint has six. That by qdd is the mass matrix.
+
+        Args:
+            qdd: joint accelerations, shape of qd.
+            gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
+        """
     def forward_dynamics(
         self,
         q: ArrayLike,
@@ -1143,7 +1150,8 @@ class Scene:
             SimulationError, ChainError: an invalid mesh, a singular mass matrix at the start.
         """
     def runs(self, count: int) -> Table:
-        """Runs the scene `count` times from starts that `[run] perturb` of the scene disturbs, on all cores. Ctrl-C ends it.
+        """Runs the scene `count` times from starts that `[run] perturb` of the scene disturbs, on all cores. After Ctrl-C the present runs go on in
+        the background until they have ended, without a result.
 
         Returns:
             A Table with a row for each run: run (0 is the start itself), outcome ("duration", "events", "refused"), impacts,
@@ -1168,7 +1176,7 @@ class Scene:
         """
     def sensitivity(self, parameters: Sequence[str] | None = None) -> Sensitivity:
         """The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters. Exact to
-        about 1e-8 of their size. The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
+        about 1e-9 of their size. The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
         background until it has ended, without a result.
 
         Args:
@@ -1179,7 +1187,18 @@ class Scene:
             ValueError: a name that is no parameter of the scene.
             SimulationError: as `simulate`. A run that is not differentiable is no error: see `Sensitivity.broken`.
         """
-    def linear_run(self, parameters: Sequence[str] | None = None) -> LinearRun: ...
+    def linear_run(self, parameters: Sequence[str] | None = None) -> LinearRun:
+        """The whole run as a linear map, whose transpose gives the gradient of a number by the start and by parameters at a cost that does not
+        depend on their number. The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
+        background until it has ended, without a result.
+
+        Args:
+            parameters: as of `sensitivity`.
+
+        Raises:
+            ValueError: a name that is no parameter of the scene.
+            SimulationError: as `simulate`; a run that is not differentiable, with time and reason.
+        """
     def session(self) -> Session:
         """Starts a Session: a simulation that a loop of one's own advances.
 
@@ -1368,8 +1387,35 @@ class Sensitivity:
         """Where and why the derivatives end: a dict of time (s) and reason; None if they reach the end."""
 
 class LinearRun:
-    def jvp(self, change: ArrayLike) -> tuple[_Floats, _Floats]: ...
-    def vjp(self, last: ArrayLike, times: ArrayLike | None = None) -> _Floats: ...
+    """A run as a linear map, from changes of its start and parameters to those of its end and of the times of its events, and its transpose:
+    `jvp` and `vjp`. `Scene.linear_run` makes one.
+    """
+    def __new__(cls, _: Never, /) -> Self: ...
+    @property
+    def names(self) -> list[str]:
+        """Names of the numbers by which the run is differentiated, as `Sensitivity.names`: the start (a displacement of q, then qd), and the
+        parameters.
+        """
+    @property
+    def last(self) -> tuple[float, _Vector, _Vector]:
+        """Time (s), q and qd at the end, of the joints that the plan keeps."""
+    @property
+    def events(self) -> list[tuple[float, list[str]]]:
+        """The times of the events (s), each with the names of what happens."""
+    def jvp(self, change: ArrayLike) -> tuple[_Floats, _Floats]:
+        """The changes of the final displacement and velocity, shape (2 nv,), and of the times of the events, by a change of the start and the
+        parameters, shape (columns,). Changes of times whose digits do not count are nan.
+
+        Raises:
+            SimulationError: a wrong number of changes.
+        """
+    def vjp(self, last: ArrayLike, times: ArrayLike | None = None) -> _Floats:
+        """The gradient of a number by the start and the parameters, shape (columns,), from its derivatives by the final displacement and
+        velocity, shape (2 nv,), and by the times of the events, shape (events,). Its cost does not depend on the number of columns.
+
+        Raises:
+            SimulationError: a wrong number of derivatives, one by a time whose digits do not count.
+        """
 
 class Event:
     """An event of a run."""
