@@ -145,11 +145,11 @@ impl Maps for Pieces {
 ///
 /// ```
 /// # use carom_sim::{Parameter, Scene};
-/// # let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/bounce.toml");
+/// # let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/planar2.toml");
 /// let plan = Scene::from_file(file)?.plan()?;
-/// let run = plan.linear_run(1.0, &Parameter::all(&plan.simulation))?;
-/// // The derivatives of the final height, which is the first of the displacements.
-/// let gradient = run.vjp(&[1.0, 0.0], &[])?;
+/// let run = plan.linear_run(0.5, &Parameter::all(&plan.simulation))?;
+/// // The gradient of the final angle of the shoulder, which is the first of the displacements.
+/// let gradient = run.vjp(&[1.0, 0.0, 0.0, 0.0], &[])?;
 /// assert_eq!(gradient.len(), run.names().len());
 /// # Ok::<(), carom_sim::SimError>(())
 /// ```
