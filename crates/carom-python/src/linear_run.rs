@@ -50,7 +50,7 @@ impl LinearRun {
     }
 
     /// The gradient of a number by the start and the parameters, shape (columns,), from its derivatives by the final displacement and
-    /// velocity, shape (2 nv,), and by the times of the events, shape (events,). Its cost does not depend on the number of columns.
+    /// velocity, shape (2 nv,), and by the times of the events, shape (events,).
     ///
     /// Raises:
     ///     SimulationError: a wrong number of derivatives, one by a time whose digits do not count.

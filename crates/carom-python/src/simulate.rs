@@ -71,8 +71,8 @@ impl Scene {
         Ok(Session::new(self.functions.pass(session)?, self, self.functions.clone()))
     }
 
-    /// The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters. Exact to
-    /// about 1e-9 of their size. The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
+    /// The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters.
+    /// The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
     /// background until it has ended, without a result.
     ///
     /// Args:
@@ -92,8 +92,8 @@ impl Scene {
         Sensitivity::new(py, found, events)
     }
 
-    /// The whole run as a linear map, whose transpose gives the gradient of a number by the start and by parameters at a cost that does not
-    /// depend on their number. The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
+    /// The whole run as a linear map, whose transpose gives the gradient of a number by the start and by parameters.
+    /// The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
     /// background until it has ended, without a result.
     ///
     /// Args:

@@ -1175,8 +1175,8 @@ class Scene:
                 Python are passed on as they are.
         """
     def sensitivity(self, parameters: Sequence[str] | None = None) -> Sensitivity:
-        """The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters. Exact to
-        about 1e-9 of their size. The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
+        """The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters.
+        The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
         background until it has ended, without a result.
 
         Args:
@@ -1188,8 +1188,8 @@ class Scene:
             SimulationError: as `simulate`. A run that is not differentiable is no error: see `Sensitivity.broken`.
         """
     def linear_run(self, parameters: Sequence[str] | None = None) -> LinearRun:
-        """The whole run as a linear map, whose transpose gives the gradient of a number by the start and by parameters at a cost that does not
-        depend on their number. The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
+        """The whole run as a linear map, whose transpose gives the gradient of a number by the start and by parameters.
+        The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
         background until it has ended, without a result.
 
         Args:
@@ -1411,7 +1411,7 @@ class LinearRun:
         """
     def vjp(self, last: ArrayLike, times: ArrayLike | None = None) -> _Floats:
         """The gradient of a number by the start and the parameters, shape (columns,), from its derivatives by the final displacement and
-        velocity, shape (2 nv,), and by the times of the events, shape (events,). Its cost does not depend on the number of columns.
+        velocity, shape (2 nv,), and by the times of the events, shape (events,).
 
         Raises:
             SimulationError: a wrong number of derivatives, one by a time whose digits do not count.

@@ -140,8 +140,8 @@ impl Maps for Pieces {
 
 /// A run as a linear map: a first-order change of the start and of parameters changes the final state and the times of the events by
 /// [`LinearRun::jvp`]; the derivatives of a number by the final state and the times become those by the start and the parameters by
-/// [`LinearRun::vjp`], at the cost of a few runs whatever the number of parameters (the discrete adjoint; Hairer, Nørsett & Wanner 1993,
-/// section II.6). [`Plan::linear_run`](crate::Plan::linear_run) makes one.
+/// [`LinearRun::vjp`] (the discrete adjoint; Hairer, Nørsett & Wanner 1993, section II.6). [`Plan::linear_run`](crate::Plan::linear_run)
+/// makes one. Most of the cost is that of making it, which grows with the number of parameters.
 ///
 /// ```
 /// # use carom_sim::{Parameter, Scene};

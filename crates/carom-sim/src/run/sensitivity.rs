@@ -93,7 +93,7 @@ impl Simulation {
     /// Runs from `(q, qd)` for `duration` seconds, and differentiates the final state and the times of the events by the initial
     /// state and by these parameters.
     ///
-    /// The derivatives are those of the motion that is computed, to about 1e-9 of their size. Those of a start in which contacts
+    /// The derivatives are those of the motion that is computed. Those of a start in which contacts
     /// last, or dry friction holds joints, compare it with the nearest starts in which they do. Where a contact or a joint at rest
     /// begins to move at the start, the motion has a kink there in its velocity, and the derivatives are those of the side on which it
     /// has the direction in which it begins to move.
