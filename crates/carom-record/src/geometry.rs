@@ -18,9 +18,21 @@ const JOINT: u32 = 0xf2f4_f8ff;
 const SURFACE: u32 = 0x8a93_a3ff;
 const GRID: u32 = 0xb6bd_c9ff;
 
-/// The entity `/world/group/name`; the name may hold any character.
-pub(crate) fn entity(group: &str, name: &str) -> EntityPath {
-    EntityPath::new(["world", group, name].map(EntityPathPart::new).to_vec())
+/// The entity `/world/group/name`; the name may hold any character. `all`: the names of the group.
+pub(crate) fn entity<'a>(group: &str, name: &str, mut all: impl Iterator<Item = &'a str>) -> EntityPath {
+    let plain = plain(name);
+    let taken = plain != name && all.any(|other| other != name && self::plain(other) == plain);
+    EntityPath::new(["world", group, if taken { name } else { &plain }].map(EntityPathPart::new).to_vec())
+}
+
+/// A name without spaces, which the viewer shows with a backslash before each.
+pub(crate) fn plain(name: &str) -> String {
+    name.replace(' ', "_")
+}
+
+/// The entity of a surface.
+pub(crate) fn of_surface(surface: &Surface, all: &[Surface]) -> EntityPath {
+    entity("surfaces", &surface.name, all.iter().map(|it| it.name.as_str()))
 }
 
 fn part(of: &EntityPath, name: String) -> EntityPath {
@@ -101,9 +113,9 @@ pub(crate) fn links(sink: &Sink, chain: &Chain, looks: &[Look], size: f64) -> Re
     let (mut workspace, zero) = (chain.workspace(), chain.zero_configuration());
     let at_zero = workspace.update(chain, &zero)?;
     for (k, frame) in chain.frames().iter().enumerate() {
-        let path = entity("links", &frame.name);
+        let path = entity("links", &frame.name, chain.frames().iter().map(|it| it.name.as_str()));
         for (n, look) in looks.iter().filter(|look| look.link == frame.name).enumerate() {
-            let path = part(&path, format!("shape {}", n + 1));
+            let path = part(&path, format!("shape_{}", n + 1));
             let colour = look.colour.unwrap_or(LINKS[k % LINKS.len()]);
             place(sink, &path, &look.origin)?;
             match &look.body {
@@ -148,7 +160,7 @@ pub(crate) fn surfaces(
     plane: Option<&Plane>,
 ) -> Result<(), RecordError> {
     for surface in surfaces {
-        let path = part(&entity("surfaces", &surface.name), "shape".into());
+        let path = part(&of_surface(surface, surfaces), "shape".into());
         match surface.obstacle.surface() {
             Form::HalfSpace { point, normal } => half_space(sink, &path, *point, *normal, bounds, plane)?,
             Form::Solid { pose, solid: body } => {

@@ -8,14 +8,14 @@
 //! | `/world/contacts`, `/world/impulses`, `/world/impulse` | points at which impulses acted, arrows of the impulses, size of the last one |
 //! | `/world/forces` | arrows of the forces of lasting contacts |
 //! | `/series/…` | positions, velocities, the tip's velocity, energies, gaps; forces of motors and impulses through joints, with loads |
-//! | `/contact`, `/contact/…` | the mode of contact over time: of all contacts in one word, and of each that lasts |
+//! | `/contact`, `/contact/…` | the mode of contact over time: of all contacts in one word, and of each pair of bodies whose contacts last |
 //! | `/events` | the events, as text |
 //! | `/run` | summary of the run |
 //!
 //! Values are logged at exact times, at an event twice: before and after. Memory does not grow with the length of the run.
 
 use crate::bounds::{Bounds, Eye, Outline, xyz};
-use crate::geometry::{self, Drawn, entity, fixed, transform};
+use crate::geometry::{self, Drawn, fixed, of_surface, transform};
 use crate::lasting::Lanes;
 use crate::layout::{self, Cursor, Tile};
 use crate::measures::{MOTOR, Measures, THROUGH};
@@ -116,7 +116,7 @@ impl SceneRecorder {
             arrow: None,
             held: Vec::new(),
             path: None,
-            lanes: Lanes::default(),
+            lanes: Lanes::of(&sim.touches),
             loads: [false; 2],
             untold: None,
             first: None,
@@ -275,7 +275,7 @@ impl SceneRecorder {
             for surface in &self.measures.surfaces {
                 if let Some(motion) = &surface.motion {
                     let pose = Pose { rotation: Matrix3::identity(), translation: motion.at(time)[0] };
-                    now(&self.sink, entity("surfaces", &surface.name), &transform(&pose))?;
+                    now(&self.sink, of_surface(surface, &self.measures.surfaces), &transform(&pose))?;
                 }
             }
             self.outline.enter(&kin, &mut self.bounds);
@@ -306,7 +306,7 @@ impl SceneRecorder {
         self.state(event.time, (&event.q, &event.qd_plus), false)?;
         let words = rerun::TextLog::new(summary::words(event, &self.touches)).with_level("INFO");
         now(&self.sink, "events".into(), &words)?;
-        self.lanes.event(&self.sink, &self.touches, &event.kind)?;
+        self.lanes.event(&self.sink, &event.kind)?;
         if let Some(EventLoads { impact, motors_minus, motors_plus }) = event.loads.as_deref() {
             self.motors(event.time, motors_minus)?;
             self.motors(event.time, motors_plus)?;
@@ -364,7 +364,7 @@ impl SceneRecorder {
     /// The lasting contacts at a time.
     fn contacts(&mut self, time: f64, states: &[ContactState]) -> Result<(), RecordError> {
         self.sink.rec.set_duration_secs("time", time);
-        self.lanes.set(&self.sink, &self.touches, states)?;
+        self.lanes.set(&self.sink, states)?;
         let (eye, share) = self.nearer();
         let before = |point: Vector3<f64>| point + (eye - point) * share;
         let largest = states.iter().map(|state| state.force.norm()).fold(0.0, f64::max);

@@ -137,9 +137,10 @@ fn replays_select_the_time_from_the_first_event() {
     assert!(!selects("chain10", 0.02), "ten links fall without touching");
 }
 
-/// Each contact that lasts has a lane of its own, and its force an arrow; contacts that never close have none.
+/// A pair of bodies whose contacts last has one lane, and each force an arrow; pairs that never touch have none. No entity has a name that
+/// the viewer shows with backslashes.
 #[test]
-fn lasting_contacts_have_lanes_and_forces() {
+fn lasting_contacts_have_a_lane_for_each_pair_of_bodies_and_forces() {
     let desk = Desk(Folder::new());
     let path = desk.0.join("x.rrd");
     let bytes = |name: &str, duration: f64| {
@@ -147,13 +148,30 @@ fn lasting_contacts_have_lanes_and_forces() {
         std::fs::read(&path).unwrap()
     };
     let holds = |bytes: &[u8], name: &str| bytes.windows(name.len()).any(|window| window == name.as_bytes());
-    let lane = |corner: usize| format!(r"/contact/box\ on\ floor\,\ corner\ {corner}");
-    // The box comes to rest on the corners 1, 2, 5 and 6.
+    // The box comes to rest on four of its corners.
     let rests = bytes("box", 1.0);
-    for corner in 1..=8 {
-        assert_eq!(holds(&rests, &lane(corner)), [1, 2, 5, 6].contains(&corner), "corner {corner}");
-    }
+    assert!(holds(&rests, "/contact/box_on_floor") && !holds(&rests, "/contact/box_on_floor,"));
+    assert!(
+        holds(&rests, "/world/links/box/shape_1")
+            && [r"shape\ ", r"box\ ", r"on\ "].iter().all(|name| !holds(&rests, name))
+    );
     assert!(holds(&rests, "/world/forces"));
     let flies = bytes("box", 0.1);
-    assert!(!holds(&flies, "/world/forces") && !holds(&flies, &lane(1)));
+    assert!(!holds(&flies, "/world/forces") && !holds(&flies, "/contact/box_on_floor"));
+}
+
+/// Names that differ in a space only stay apart.
+#[test]
+fn links_whose_names_differ_in_a_space_are_two_entities() {
+    let desk = Desk(Folder::new());
+    let other = "<link name='a_b'/><link name='a b'/><joint name='one' type='fixed'><parent link='ball'/><child link='a_b'/></joint>\
+        <joint name='two' type='fixed'><parent link='ball'/><child link='a b'/></joint>";
+    let urdf = std::fs::read_to_string(format!("{ROOT}/robots/ball.urdf")).unwrap();
+    std::fs::write(desk.0.join("ball.urdf"), urdf.replace("</robot>", &format!("{other}</robot>"))).unwrap();
+    let text = "[robot]\nurdf = \"ball.urdf\"\nfloating = true\nq = [0, 0, 1, 0, 0, 0, 1]\n[run]\nduration = 0.1\n";
+    let path = desk.0.join("x.rrd");
+    record(&Scene::from_toml(text, &desk.0).unwrap(), &path, 0.05).unwrap();
+    let bytes = std::fs::read(path).unwrap();
+    let holds = |name: &str| bytes.windows(name.len()).any(|window| window == name.as_bytes());
+    assert!(holds("/world/links/a_b") && holds(r"/world/links/a\ b"));
 }
