@@ -109,6 +109,24 @@ fn printed_outputs_of_the_book_are_those_of_carom() {
     assert!(compared > 10, "only {compared} outputs were compared: the pages are expected in book/src");
 }
 
+/// The length of a printed line, in characters, that fits on a page of the built book.
+const WIDEST: usize = 118;
+
+#[test]
+fn printed_lines_of_the_book_fit_on_its_pages() {
+    let mut wide = Vec::new();
+    for page in markdown("book/src") {
+        for (language, code, begin) in code_blocks(&std::fs::read_to_string(&page).unwrap()) {
+            // Lines of Rust that begin with # are not shown.
+            let shown =
+                code.lines().enumerate().filter(|(_, text)| !(language.starts_with("rust") && text.starts_with("# ")));
+            let too_long = shown.filter(|(_, text)| text.chars().count() > WIDEST);
+            wide.extend(too_long.map(|(k, text)| format!("{}:{}: {text}", page.display(), begin + 1 + k)));
+        }
+    }
+    assert!(wide.is_empty(), "lines of more than {WIDEST} characters, which the page cuts:\n{}", wide.join("\n"));
+}
+
 #[test]
 fn check_output_detects_a_wrong_output() {
     let printed = "a 1\nb 2\n\nc 3\nd 4\n";
