@@ -38,7 +38,7 @@ pub struct ChartCommand {
     #[arg(value_name = "SCENE.toml", required_unless_present = "from", conflicts_with = "from")]
     scene: Option<PathBuf>,
     /// Picture to write; the numbers go to the file of the same name with the ending .csv
-    #[arg(long, value_name = "X.svg")]
+    #[arg(short, long, value_name = "X.svg")]
     out: PathBuf,
     /// Draw the numbers of a chart that was computed already, a CSV table of this command
     #[arg(long, value_name = "X.csv", requires = "show", conflicts_with_all = ["peers", "stiffness", "budget", "json"])]

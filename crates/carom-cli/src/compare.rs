@@ -103,7 +103,7 @@ pub struct CompareCommand {
     #[arg(long, value_name = "SECONDS", default_value_t = 1e-3, allow_hyphen_values = true)]
     contact_step: f64,
     /// Folder for the tables, pictures and the JSON file
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(short, long, value_name = "FOLDER")]
     out: Option<PathBuf>,
     /// Write the tosses with their starts, folds and measured poses to a JSON file, for other
     /// simulators, and compare nothing

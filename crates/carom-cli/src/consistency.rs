@@ -37,7 +37,7 @@ pub struct ConsistencyCommand {
     #[arg(long, value_name = "HALF", allow_hyphen_values = true)]
     rounding: Option<f64>,
     /// Draw Y over cot α with the best fit of each row (.svg)
-    #[arg(long, alias = "svg", value_name = "FILE")]
+    #[arg(short, long, alias = "svg", value_name = "FILE")]
     out: Option<PathBuf>,
     /// Print one line of JSON instead of text
     #[arg(long)]

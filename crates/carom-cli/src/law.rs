@@ -167,7 +167,7 @@ pub struct LawCommand {
     /// compression and sticking, energy ellipse, permissible region and every law's impulse. In
     /// space, the hodograph: the plane of slip velocities with the path of the slip, the
     /// invariant directions and every law's u⁺.
-    #[arg(long, alias = "svg", value_name = "FILE", verbatim_doc_comment)]
+    #[arg(short, long, aliases = ["svg", "rrd"], value_name = "FILE", verbatim_doc_comment)]
     out: Vec<PathBuf>,
     #[command(flatten)]
     record: Record,

@@ -55,7 +55,7 @@ use std::sync::atomic::Ordering;
 )]
 struct Cli {
     /// Print no warnings on standard error
-    #[arg(long, global = true, display_order = 998)]
+    #[arg(short, long, global = true, display_order = 998)]
     quiet: bool,
     #[command(subcommand)]
     command: Command,

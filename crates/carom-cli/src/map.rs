@@ -38,7 +38,7 @@ pub struct MapCommand {
     /// one axis, a heat map over two, one heat map for each value of a third axis. .rrd: a recording
     /// for the Rerun viewer, with images, tip positions in space and poses of the arm; needs a carom
     /// that is built with the feature `rerun`.
-    #[arg(long, aliases = ["svg", "rrd"], value_name = "FILE", verbatim_doc_comment)]
+    #[arg(short, long, aliases = ["svg", "rrd"], value_name = "FILE", verbatim_doc_comment)]
     out: Vec<PathBuf>,
     /// Column that is drawn and recorded [default: the first quantity of the study]
     #[arg(long, value_name = "COLUMN")]

@@ -27,7 +27,7 @@ pub struct PaperCommand {
     ///
     /// It is made if it is missing; its parent must exist. A folder that holds anything else, or
     /// only some of the files of a report, is refused.
-    #[arg(long, value_name = "DIR", verbatim_doc_comment)]
+    #[arg(short, long, value_name = "DIR", verbatim_doc_comment)]
     out: PathBuf,
     /// Print one line of JSON instead of text
     #[arg(long)]

@@ -64,7 +64,7 @@ pub struct Simulate {
     /// q.<joint> (rad, m), qd.<joint> (rad/s, m/s); a joint with several coordinates has numbered
     /// columns. With - the table is on standard output as CSV, in place of the answer. A recording is
     /// for the Rerun viewer.
-    #[arg(long, aliases = ["csv", "parquet"], value_name = "FILE", verbatim_doc_comment)]
+    #[arg(short, long, aliases = ["csv", "parquet", "rrd"], value_name = "FILE", verbatim_doc_comment)]
     out: Vec<PathBuf>,
     /// Write the lasting contacts as a table (.csv, .parquet, -): a row for each contact at each sample
     ///

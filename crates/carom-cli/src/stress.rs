@@ -26,7 +26,7 @@ pub struct StressCommand {
     ///
     /// Three files of these names in it are replaced, other files stay. A folder that has
     /// only some of the three is refused.
-    #[arg(long, value_name = "DIR", verbatim_doc_comment)]
+    #[arg(short, long, value_name = "DIR", verbatim_doc_comment)]
     out: PathBuf,
     /// Run only the scenes whose names contain this text [default: all]
     #[arg(long, value_name = "TEXT")]

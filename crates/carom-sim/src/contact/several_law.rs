@@ -33,7 +33,8 @@ impl SeveralLaw {
 
     const NAMES: [&str; 4] = ["moreau", "poisson", "sequential", "energetic"];
 
-    /// Name in scene files: `moreau`, `poisson`, `sequential` or `energetic`.
+    /// Name in scene files: `moreau`, `poisson`, `sequential` or `energetic`. The names of the authors `glocker-pfeiffer` (Poisson's law) and
+    /// `liu-zhao-brogliato` (the energetic one) are read too.
     pub fn name(self) -> &'static str {
         let [moreau, poisson, sequential, energetic] = Self::NAMES;
         match self {
@@ -70,7 +71,12 @@ impl SeveralLaw {
 impl<'de> Deserialize<'de> for SeveralLaw {
     fn deserialize<D: Deserializer<'de>>(given: D) -> Result<Self, D::Error> {
         let name = String::deserialize(given)?;
+        let name = match name.as_str() {
+            "glocker-pfeiffer" => "poisson",
+            "liu-zhao-brogliato" => "energetic",
+            other => other,
+        };
         let known = Self::ALL.into_iter().find(|law| law.name() == name);
-        known.ok_or_else(|| D::Error::unknown_variant(&name, &Self::NAMES))
+        known.ok_or_else(|| D::Error::unknown_variant(name, &Self::NAMES))
     }
 }
