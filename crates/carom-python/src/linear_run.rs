@@ -1,7 +1,7 @@
 //! Runs as linear maps.
 
 use crate::array::{Array, Numbers, list};
-use crate::error::raise;
+use crate::error::{exceptions, raise};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
@@ -10,18 +10,19 @@ use pyo3::prelude::*;
 #[pyclass(frozen, module = "carom")]
 pub struct LinearRun {
     run: carom_sim::LinearRun,
+    /// The numbers of `names` among those of the run.
+    columns: Vec<usize>,
 }
 
-impl From<carom_sim::LinearRun> for LinearRun {
-    fn from(run: carom_sim::LinearRun) -> Self {
-        Self { run }
+impl LinearRun {
+    pub fn new(run: carom_sim::LinearRun, columns: Vec<usize>) -> Self {
+        Self { run, columns }
     }
 }
 
 getters! { LinearRun, self, py {
-    /// Names of the numbers by which the run is differentiated, as `Sensitivity.names`: the start (a displacement of q, then qd), and the
-    /// parameters.
-    names: Vec<&str> = self.run.names().iter().map(String::as_str).collect();
+    /// Names of the numbers by which the run is differentiated, as `Sensitivity.names`.
+    names: Vec<&str> = self.columns.iter().map(|&k| self.run.names()[k].as_str()).collect();
 } }
 
 #[pymethods]
@@ -39,17 +40,25 @@ impl LinearRun {
         self.run.events().map(|(time, kinds)| (time, kinds.to_vec())).collect()
     }
 
-    /// The changes of the final displacement and velocity, shape (2 nv,), and of the times of the events, by a change of the start and the
-    /// parameters, shape (columns,). Changes of times whose digits do not count are nan.
+    /// The changes of the final displacement and velocity, shape (2 nv,), and of the times of the events, by a change of the numbers of
+    /// `names`, shape (columns,). Changes of times whose digits do not count are nan.
     ///
     /// Raises:
-    ///     SimulationError: a wrong number of changes.
+    ///     StateError: a wrong number of changes.
     fn jvp<'py>(&self, py: Python<'py>, change: &Bound<'py, PyAny>) -> PyResult<(Array<'py>, Array<'py>)> {
-        let (last, times) = self.run.jvp(Numbers::read("change", change)?.slice()).map_err(raise)?;
+        let change = Numbers::read("change", change)?;
+        let (given, needed) = (change.slice().len(), self.columns.len());
+        if given != needed {
+            let message = format!("change has {given} numbers: give {needed}, one for each of names");
+            return Err(exceptions::StateError::new_err(message));
+        }
+        let mut whole = vec![0.0; self.run.names().len()];
+        self.columns.iter().zip(change.slice()).for_each(|(&k, by)| whole[k] += by);
+        let (last, times) = self.run.jvp(&whole).map_err(raise)?;
         Ok((list(py, &last)?, list(py, &times)?))
     }
 
-    /// The gradient of a number by the start and the parameters, shape (columns,), from its derivatives by the final displacement and
+    /// The gradient of a number by the numbers of `names`, shape (columns,), from its derivatives by the final displacement and
     /// velocity, shape (2 nv,), and by the times of the events, shape (events,).
     ///
     /// Raises:
@@ -64,7 +73,8 @@ impl LinearRun {
         let last = Numbers::read("last", last)?;
         let times = times.map(|times| Numbers::read("times", times)).transpose()?;
         let times = times.as_ref().map_or(&[][..], Numbers::slice);
-        list(py, &self.run.vjp(last.slice(), times).map_err(raise)?)
+        let gradient = self.run.vjp(last.slice(), times).map_err(raise)?;
+        list(py, &self.columns.iter().map(|&k| gradient[k]).collect::<Vec<_>>())
     }
 
     fn __reduce__(&self) -> PyResult<Py<PyAny>> {
@@ -74,6 +84,6 @@ impl LinearRun {
     }
 
     fn __repr__(&self) -> String {
-        format!("<carom.LinearRun by {} numbers, {} events>", self.run.names().len(), self.run.events().count())
+        format!("<carom.LinearRun by {} numbers, {} events>", self.columns.len(), self.run.events().count())
     }
 }

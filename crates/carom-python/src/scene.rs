@@ -6,7 +6,7 @@ use crate::controller::PythonController;
 use crate::error::raise;
 use crate::laws::GivenLaw;
 use crate::pickle::{Parts, Pickled, Sources, fields, tuple};
-use crate::text::{by_keys, changed_text, toml_text};
+use crate::text::{by_keys, changed_text, number_text, toml_text};
 use carom_sim::SimError;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -153,6 +153,16 @@ impl Scene {
             }
             other => raise(other),
         })
+    }
+
+    /// The number at the path of a key, and the same scene with `change` added to it.
+    ///
+    /// # Errors
+    /// As [`Scene::with_keys`]; a value that is no number.
+    pub fn with_number(&self, py: Python<'_>, path: &str, change: f64) -> PyResult<(f64, Self)> {
+        let (number, text) = number_text(self.keys()?, path, change)?;
+        let changed = Self::of_keys(py, &text, self.sources.folder.clone())?.with_functions(py, &self.functions)?;
+        Ok((number, changed))
     }
 
     /// The keys, with the start and the duration that were given after reading.

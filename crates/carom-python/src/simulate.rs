@@ -4,7 +4,7 @@ use crate::error::{exceptions, raise};
 use crate::linear_run::LinearRun;
 use crate::run::{Run, Told};
 use crate::scene::Scene;
-use crate::sensitivity::{self, Sensitivity};
+use crate::sensitivity::{self, Chosen, Sensitivity};
 use crate::session::Session;
 use crate::table::Table;
 use crate::threads::{LOOK, interruptible, left_behind};
@@ -72,47 +72,53 @@ impl Scene {
     }
 
     /// The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters.
-    /// The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
-    /// background until it has ended, without a result.
+    /// The GIL is released, except while a law in Python is called.
     ///
     /// Args:
-    ///     parameters: names of parameters, [] for none; by default all: "restitution" and "friction" of all contacts together, and
-    ///         "kp elbow", "kd elbow", "target elbow" or "torque elbow" of each joint under PD control or constant forces.
+    ///     wrt: by what, in the order of the columns. "q" and "qd" are the whole start, "q elbow" a part of it; parameters are "restitution"
+    ///         and "friction" of all contacts together, "kp elbow", "kd elbow", "target elbow" or "torque elbow" of each joint under PD
+    ///         control or constant forces, and any number of the scene by the path of its key, as in `with_keys`: "contact.friction",
+    ///         "run.gravity[2]", "surface[0].restitution". By default all but the keys.
     ///
     /// Raises:
-    ///     ValueError: a name that is no parameter of the scene.
-    ///     SimulationError: as `simulate`. A run that is not differentiable is no error: see `Sensitivity.broken`.
-    #[pyo3(signature = (parameters=None))]
-    fn sensitivity(&self, py: Python<'_>, parameters: Option<Vec<String>>) -> PyResult<Sensitivity> {
-        let plan = py.detach(|| self.scene.plan()).map_err(raise)?;
-        let parameters = sensitivity::chosen(&plan, parameters)?;
-        let duration = self.scene.duration;
-        let found = left_behind(py, move |_| sensitivity::of(&plan, duration, &parameters))?;
+    ///     ValueError: a name that the scene does not have; a key that is no number, or that changes the start or the duration.
+    ///     SimulationError: as `simulate`; a key that changes the chain. A run that is not differentiable is no error: see
+    ///         `Sensitivity.broken`.
+    #[pyo3(signature = (wrt=None))]
+    fn sensitivity(&self, py: Python<'_>, wrt: Option<Vec<String>>) -> PyResult<Sensitivity> {
+        let mut plan = py.detach(|| self.scene.plan()).map_err(raise)?;
+        let Chosen { parameters, columns } = sensitivity::chosen(py, self, &plan, wrt)?;
+        let (duration, rows) = (self.scene.duration, plan.simulation.state_names());
+        let found = left_behind(py, move |stop| {
+            plan.simulation.stop = Some(stop.clone());
+            sensitivity::of(&plan, duration, &parameters, &columns)
+        })?;
         let (found, events) = self.functions.pass(found)?;
-        Sensitivity::new(py, found, events)
+        Sensitivity::new(py, (found, rows), events)
     }
 
     /// The whole run as a linear map, whose transpose gives the gradient of a number by the start and by parameters.
-    /// The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
-    /// background until it has ended, without a result.
+    /// The GIL is released, except while a law in Python is called.
     ///
     /// Args:
-    ///     parameters: as of `sensitivity`.
+    ///     wrt: as of `sensitivity`.
     ///
     /// Raises:
-    ///     ValueError: a name that is no parameter of the scene.
-    ///     SimulationError: as `simulate`; a run that is not differentiable, with time and reason.
-    #[pyo3(signature = (parameters=None))]
-    fn linear_run(&self, py: Python<'_>, parameters: Option<Vec<String>>) -> PyResult<LinearRun> {
-        let plan = py.detach(|| self.scene.plan()).map_err(raise)?;
-        let parameters = sensitivity::chosen(&plan, parameters)?;
+    ///     ValueError: as `sensitivity`.
+    ///     SimulationError: as `sensitivity`; a run that is not differentiable, with time and reason.
+    #[pyo3(signature = (wrt=None))]
+    fn linear_run(&self, py: Python<'_>, wrt: Option<Vec<String>>) -> PyResult<LinearRun> {
+        let mut plan = py.detach(|| self.scene.plan()).map_err(raise)?;
+        let Chosen { parameters, columns } = sensitivity::chosen(py, self, &plan, wrt)?;
         let duration = self.scene.duration;
-        let run = left_behind(py, move |_| plan.linear_run(duration, &parameters))?;
-        Ok(self.functions.pass(run)?.into())
+        let run = left_behind(py, move |stop| {
+            plan.simulation.stop = Some(stop.clone());
+            plan.linear_run(duration, &parameters)
+        })?;
+        Ok(LinearRun::new(self.functions.pass(run)?, columns))
     }
 
-    /// Runs the scene `count` times from starts that `[run] perturb` of the scene disturbs, on all cores. After Ctrl-C the present runs go on in
-    /// the background until they have ended, without a result.
+    /// Runs the scene `count` times from starts that `[run] perturb` of the scene disturbs, on all cores.
     ///
     /// Returns:
     ///     A Table with a row for each run: run (0 is the start itself), outcome ("duration", "events", "refused"), impacts,
@@ -133,9 +139,9 @@ impl Scene {
         let plan = py.detach(|| scene.plan()).map_err(raise)?;
         let columns = run_columns(&scene, &plan);
         let width = columns.len();
-        let own = scene.clone();
-        // A single run may take minutes, and ends by itself.
+        let mut own = (*scene).clone();
         let rows = left_behind(py, move |stop| {
+            own.simulation.stop = Some(stop.clone());
             let mut rows = Vec::new();
             let each = |run: carom_study::Run| {
                 rows.extend(run.row(width));

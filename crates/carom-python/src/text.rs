@@ -40,18 +40,39 @@ pub fn changed_text(mut keys: Table, changes: &Bound<'_, PyAny>) -> PyResult<Str
         let (path, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = pair.extract()?;
         let path: String =
             path.extract().map_err(|_| PyTypeError::new_err(format!("the key {path} is not a string")))?;
-        let (mut at, mut parts) = (&mut keys, path.split('.').peekable());
-        while let Some(part) = parts.next() {
-            if parts.peek().is_some() {
-                at = table_in(entry(at, part, &path)?, part, &path)?;
-            } else if value.is_none() {
-                at.remove(part);
-            } else {
-                merge(entry(at, part, &path)?, &path, &value)?;
-            }
+        let (at, part) = place(&mut keys, &path)?;
+        if value.is_none() {
+            at.remove(part);
+        } else {
+            merge(entry(at, part, &path)?, &path, &value)?;
         }
     }
     written(&keys)
+}
+
+/// The number at a path in these keys, and their text with `change` added to it.
+///
+/// # Errors
+/// `ValueError` for a path that leads nowhere, and for a value that is no number.
+pub fn number_text(mut keys: Table, path: &str, change: f64) -> PyResult<(f64, String)> {
+    let (at, part) = place(&mut keys, path)?;
+    let value = entry(at, part, path)?;
+    let Some(number) = value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64)) else {
+        let why = "the scene has no number there: give it one, so that it can be changed; lists have entries like run.gravity[2]";
+        return Err(PyValueError::new_err(format!("{path}: {why}")));
+    };
+    *value = Value::Float(number + change);
+    Ok((number, written(&keys)?))
+}
+
+/// The table that holds the last part of a path, and that part.
+fn place<'t, 'p>(keys: &'t mut Table, path: &'p str) -> PyResult<(&'t mut Table, &'p str)> {
+    let (before, last) = path.rsplit_once('.').map_or((None, path), |(before, last)| (Some(before), last));
+    let mut at = keys;
+    for part in before.into_iter().flat_map(|before| before.split('.')) {
+        at = table_in(entry(at, part, path)?, part, path)?;
+    }
+    Ok((at, last))
 }
 
 /// The value of a part of a path, `NAME` or `NAME[K]`; an empty table where there is none.

@@ -108,13 +108,14 @@ pub fn on_all_cores<R: Send>(py: Python<'_>, work: impl FnOnce(&AtomicBool) -> R
     })
 }
 
-/// As [`on_all_cores`] for work that may look at the flag rarely: after a signal it is left behind, and ends where it looks at it.
+/// As [`on_all_cores`] for work that may look at the flag rarely: after a signal it is left behind, and ends where it looks at it. The
+/// flag is [`carom_sim::Simulation::stop`] of the runs that it makes.
 ///
 /// # Errors
 /// As [`on_all_cores`].
 pub fn left_behind<R: Send + 'static>(
     py: Python<'_>,
-    work: impl FnOnce(&AtomicBool) -> R + Send + 'static,
+    work: impl FnOnce(&Arc<AtomicBool>) -> R + Send + 'static,
 ) -> PyResult<R> {
     let (stop, pool) = (Arc::new(AtomicBool::new(false)), pool(py)?);
     py.detach(|| {

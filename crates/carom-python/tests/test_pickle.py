@@ -112,7 +112,7 @@ def test_copies_and_pickles_show_what_the_object_shows(kind):
 
 def test_every_class_is_pickled_or_says_why_not():
     session = MADE["scene"].session()
-    linear = MADE["scene"].linear_run([])
+    linear = MADE["scene"].linear_run(["q"])
     for changing, words in [(session, "restart"), (session.save(), "restart"), (linear, "linear_run")]:
         for travel in (pickle.dumps, copy.deepcopy):
             with pytest.raises(TypeError, match=words):

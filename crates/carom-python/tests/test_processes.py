@@ -106,6 +106,7 @@ LONG = {
     "session": "free.session().advance(1e6)",
     "session to an event": "free.with_start([-1.5, 0.1], [0, 0]).session().advance_to_event(1e6)",
     "derivatives of a run": "free.with_start([-1.5, 0.1], [0, 0]).with_duration(3e4).sensitivity()",
+    "one long run of many": "free.with_keys({'run.perturb': {'q': 0.01}}).runs(1)",
     "runs": "free.with_duration(10).with_keys({'run.perturb': {'q': 0.01}}).runs(10**7)",
     "batch": "chain.impact(q, qd, law=carom.Energetic(0.4, 0.2), **strike)",
     "batch with derivatives": "chain.impact(q, qd, law=carom.Energetic(0.4, 0.2), derivatives=True, **strike)",
@@ -151,6 +152,13 @@ except KeyboardInterrupt:
     late = time.perf_counter() - sent[0]
     # Measured: 0.06 s at most. The rest is for a machine that is busy.
     assert late < 5, late
+    # Nothing goes on in the background: the processor time stands still.
+    spent, still = time.process_time(), 0
+    while still < 3:
+        time.sleep(0.1)
+        before, spent = spent, time.process_time()
+        still = still + 1 if spent - before < 0.02 else 0
+        assert time.perf_counter() - sent[0] < 30, "the computation goes on"
     # The package goes on.
     assert len(chain.impact(q[:1000], qd[:1000], law=carom.Newton(0.5), **strike)) == 1000
     print("ended")

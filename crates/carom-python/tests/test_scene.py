@@ -91,11 +91,45 @@ def test_sensitivities_of_a_run_are_differences_of_runs():
     assert [(it.kind, it.time, it.contact) for it in found.events] == [(it.kind, it.time, it.contact) for it in run.events]
     assert all(it.time_by.shape == (6,) for it in found.events) and run.events[0].time_by is None
 
-    one = scene.sensitivity(["restitution"])
-    assert one.names == [*names, "restitution"]
-    close(one.last_by, found.last_by[:, :5], 1e-14)
-    with pytest.raises(ValueError, match="'kp elbow' is no parameter of the scene: they are restitution, friction"):
+    assert found.rows == names
+    one = scene.sensitivity(["restitution", "qd", "q elbow"])
+    assert one.names == ["restitution", "qd shoulder", "qd elbow", "q elbow"] and one.rows == names
+    close(one.last_by, found.last_by[:, [4, 2, 3, 1]], 1e-14)
+    close(one.events[0].time_by, found.events[0].time_by[[4, 2, 3, 1]], 1e-14)
+    with pytest.raises(ValueError, match="'kp elbow' is no number of the scene: wrt has \"q\", \"qd\", q shoulder, .*, friction, and paths"):
         scene.sensitivity(["kp elbow"])
+
+
+def test_a_run_is_differentiated_by_any_number_of_the_scene():
+    keys = tomllib.loads((ROOT / "scenes/planar2.toml").read_text())
+    keys["contact"]["friction"] = 0.1
+    keys["run"] |= {"tolerance": 1e-12, "gravity": [0, -9.81, 0]}
+    assert "q" in keys["robot"]
+    scene = carom.Scene.from_dict(keys, folder=ROOT / "scenes")
+    wrt = ["contact.friction", "run.gravity[1]", "friction", "contact.restitution"]
+    found = scene.sensitivity(wrt=wrt)
+    assert found.names == wrt and found.broken is None
+    close(found.last_by[:, 0], found.last_by[:, 2], 1e-9)  # the same number by its key and by its name
+    for j, (path, value) in enumerate([("contact.friction", 0.1), ("run.gravity[1]", -9.81)]):
+        h = 1e-4 * abs(value)
+        _, *more = scene.with_keys({path: value + h}).simulate().last
+        _, *less = scene.with_keys({path: value - h}).simulate().last
+        close(found.last_by[:, j], (np.concatenate(more) - np.concatenate(less)) / (2 * h), 1e-6)
+    linear = scene.linear_run(wrt)
+    assert linear.names == wrt
+    close(linear.vjp([0, 0, 1, 0]), found.last_by[2], 1e-12)
+    close(linear.jvp([0, 2, 0, 0])[0], 2 * found.last_by[:, 1], 1e-12)
+    with pytest.raises(carom.StateError, match="change has 2 numbers: give 4"):
+        linear.jvp([1, 2])
+    for path, message in [
+        ("contact.law", "the scene has no number there"),
+        ("contact.spin", "the scene has no number there"),
+        ("surface.point", "surface is a list of 1"),
+        ("robot.q[0]", "changes the start or the duration"),
+        ("run.duration", "changes the start or the duration"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            scene.sensitivity([path])
 
 
 def test_a_linear_run_and_its_transpose_are_the_columns_and_rows_of_the_sensitivity():

@@ -159,6 +159,12 @@ pub enum SimError {
         /// Start of the step, s.
         time: f64,
     },
+    /// The flag [`Simulation::stop`](crate::Simulation::stop) was set.
+    #[error("the simulation was stopped at t = {time} s")]
+    Stopped {
+        /// Time, s.
+        time: f64,
+    },
     /// A loop of the mechanism cannot be closed near the start.
     #[error(
         "loop '{name}' stays open by ({}, {}, {}) m, world axes, however the joints move from this start: correct its frames, or \

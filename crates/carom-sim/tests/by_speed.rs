@@ -164,7 +164,7 @@ fn sensitivity_by_friction_stays_and_restitution_by_speed_is_no_parameter() {
     let sim = guided_box(rule());
     let names: Vec<String> = Parameter::all(&sim).iter().map(|it| it.name().to_owned()).collect();
     assert_eq!(names, ["friction"]);
-    let changed = Parameter::friction().apply(&sim, 0.1);
+    let changed = Parameter::friction().apply(&sim, 0.1).unwrap();
     assert!((changed.touches[0].contact.law.friction() - 0.3).abs() < 1e-15);
     let problem = ImpactProblem::new(Matrix3::identity(), vector![0.0, 0.0, -2.0]).unwrap();
     let after = changed.touches[0].contact.law.resolve(&problem).unwrap().u_plus.z;

@@ -35,7 +35,7 @@ fn differences(
             } else if j < 2 * nv {
                 qd[j - nv] += delta;
             } else {
-                sim = parameters[j - 2 * nv].apply(&sim, delta);
+                sim = parameters[j - 2 * nv].apply(&sim, delta).unwrap();
             }
             end(&sim, &last.q, &q, &qd, duration)
         };

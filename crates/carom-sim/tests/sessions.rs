@@ -1,8 +1,10 @@
 //! Simulations as objects that a control loop drives.
 
-use carom_sim::{EventKind, Moment, Sampling, Seen, Session, Simulation, StopReason};
+use carom_sim::{EventKind, Moment, Parameter, Sampling, Seen, Session, SimError, Simulation, StopReason};
 use carom_testing::build::{self, X, Z, along};
 use carom_testing::scenes::{G, newton, on_floor, shipped};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A ball of 2 kg and 5 cm that moves along x and z above the ground, without turning.
 fn ball(restitution: f64, friction: f64) -> Simulation {
@@ -141,4 +143,29 @@ fn forces_set_by_a_loop_move_a_resting_body_when_friction_is_spent() {
     session.restart(&[0.0, 1.0], &[0.0, 0.0]).unwrap();
     assert_eq!((session.time(), session.moment().q), (0.5, vec![0.0, 1.0]));
     assert!(session.set_forces(&[1.0]).is_err() && session.advance(-1.0).is_err());
+}
+
+/// A flag ends what has begun, in events and in time steps, and what begins after it.
+#[test]
+fn a_flag_ends_runs_sessions_and_derivatives() {
+    let scene = shipped("bounce");
+    let mut plan = scene.plan().unwrap();
+    for stepping in [false, true] {
+        plan.simulation.stepping = stepping;
+        let stop = Arc::new(AtomicBool::new(false));
+        plan.simulation.stop = Some(stop.clone());
+        let mut seen = 0;
+        let sampling = Sampling { every: Some(0.01), ..Sampling::default() };
+        let run = plan.stream(1e6, sampling, &mut |_| {
+            seen += 1;
+            stop.store(seen > 5, Ordering::Relaxed);
+        });
+        let Err(SimError::Stopped { time }) = run else { panic!("{run:?}") };
+        assert!(time > 0.0 && time < scene.duration, "{time}");
+    }
+    plan.simulation.stepping = false;
+    let by = plan.sensitivity(scene.duration, &Parameter::all(&plan.simulation));
+    assert!(matches!(by, Err(SimError::Stopped { .. })), "{by:?}");
+    let session = plan.start().and_then(|mut session| session.advance(1.0));
+    assert!(matches!(session, Err(SimError::Stopped { .. })), "{session:?}");
 }

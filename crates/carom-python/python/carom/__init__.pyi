@@ -1150,8 +1150,7 @@ class Scene:
             SimulationError, ChainError: an invalid mesh, a singular mass matrix at the start.
         """
     def runs(self, count: int) -> Table:
-        """Runs the scene `count` times from starts that `[run] perturb` of the scene disturbs, on all cores. After Ctrl-C the present runs go on in
-        the background until they have ended, without a result.
+        """Runs the scene `count` times from starts that `[run] perturb` of the scene disturbs, on all cores.
 
         Returns:
             A Table with a row for each run: run (0 is the start itself), outcome ("duration", "events", "refused"), impacts,
@@ -1174,30 +1173,31 @@ class Scene:
             SimulationError: an overlap at the start, a motion that cannot be continued. Exceptions of a law or a controller in
                 Python are passed on as they are.
         """
-    def sensitivity(self, parameters: Sequence[str] | None = None) -> Sensitivity:
+    def sensitivity(self, wrt: Sequence[str] | None = None) -> Sensitivity:
         """The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters.
-        The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
-        background until it has ended, without a result.
+        The GIL is released, except while a law in Python is called.
 
         Args:
-            parameters: names of parameters, [] for none; by default all: "restitution" and "friction" of all contacts together, and
-                "kp elbow", "kd elbow", "target elbow" or "torque elbow" of each joint under PD control or constant forces.
+            wrt: by what, in the order of the columns. "q" and "qd" are the whole start, "q elbow" a part of it; parameters are "restitution"
+                and "friction" of all contacts together, "kp elbow", "kd elbow", "target elbow" or "torque elbow" of each joint under PD
+                control or constant forces, and any number of the scene by the path of its key, as in `with_keys`: "contact.friction",
+                "run.gravity[2]", "surface[0].restitution". By default all but the keys.
 
         Raises:
-            ValueError: a name that is no parameter of the scene.
-            SimulationError: as `simulate`. A run that is not differentiable is no error: see `Sensitivity.broken`.
+            ValueError: a name that the scene does not have; a key that is no number, or that changes the start or the duration.
+            SimulationError: as `simulate`; a key that changes the chain. A run that is not differentiable is no error: see
+                `Sensitivity.broken`.
         """
-    def linear_run(self, parameters: Sequence[str] | None = None) -> LinearRun:
+    def linear_run(self, wrt: Sequence[str] | None = None) -> LinearRun:
         """The whole run as a linear map, whose transpose gives the gradient of a number by the start and by parameters.
-        The GIL is released, except while a law in Python is called. After Ctrl-C the computation goes on in the
-        background until it has ended, without a result.
+        The GIL is released, except while a law in Python is called.
 
         Args:
-            parameters: as of `sensitivity`.
+            wrt: as of `sensitivity`.
 
         Raises:
-            ValueError: a name that is no parameter of the scene.
-            SimulationError: as `simulate`; a run that is not differentiable, with time and reason.
+            ValueError: as `sensitivity`.
+            SimulationError: as `sensitivity`; a run that is not differentiable, with time and reason.
         """
     def session(self) -> Session:
         """Starts a Session: a simulation that a loop of one's own advances.
@@ -1363,13 +1363,16 @@ class Run:
 class Sensitivity:
     """The derivatives of a whole run: of its final state and of the times of its events. `Scene.sensitivity` makes one.
 
-    The columns are the numbers of the start (a displacement of q, then qd) and the parameters, in the order of `names`.
+    The columns are numbers of the start (a displacement of q, qd) and parameters, in the order of `names`.
     """
+    @property
+    def rows(self) -> list[str]:
+        """Names of the rows of `last_by`: "q shoulder", "qd shoulder"."""
     def __new__(cls, _: Never, /) -> Self: ...
     @property
     def names(self) -> list[str]:
         """Names of the columns: "q shoulder", "qd shoulder", "restitution", "kp elbow"; of a joint with several coordinates with a
-        number, "q base 3". The first 2 nv are also the names of the rows of `last_by`.
+        number, "q base 3".
         """
     @property
     def last(self) -> tuple[float, _Vector, _Vector]:
@@ -1393,9 +1396,7 @@ class LinearRun:
     def __new__(cls, _: Never, /) -> Self: ...
     @property
     def names(self) -> list[str]:
-        """Names of the numbers by which the run is differentiated, as `Sensitivity.names`: the start (a displacement of q, then qd), and the
-        parameters.
-        """
+        """Names of the numbers by which the run is differentiated, as `Sensitivity.names`."""
     @property
     def last(self) -> tuple[float, _Vector, _Vector]:
         """Time (s), q and qd at the end, of the joints that the plan keeps."""
@@ -1403,14 +1404,14 @@ class LinearRun:
     def events(self) -> list[tuple[float, list[str]]]:
         """The times of the events (s), each with the names of what happens."""
     def jvp(self, change: ArrayLike) -> tuple[_Floats, _Floats]:
-        """The changes of the final displacement and velocity, shape (2 nv,), and of the times of the events, by a change of the start and the
-        parameters, shape (columns,). Changes of times whose digits do not count are nan.
+        """The changes of the final displacement and velocity, shape (2 nv,), and of the times of the events, by a change of the numbers of
+        `names`, shape (columns,). Changes of times whose digits do not count are nan.
 
         Raises:
-            SimulationError: a wrong number of changes.
+            StateError: a wrong number of changes.
         """
     def vjp(self, last: ArrayLike, times: ArrayLike | None = None) -> _Floats:
-        """The gradient of a number by the start and the parameters, shape (columns,), from its derivatives by the final displacement and
+        """The gradient of a number by the numbers of `names`, shape (columns,), from its derivatives by the final displacement and
         velocity, shape (2 nv,), and by the times of the events, shape (events,).
 
         Raises:

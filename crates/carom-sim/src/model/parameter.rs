@@ -3,6 +3,7 @@
 use super::gains::motors;
 use super::simulation::Simulation;
 use crate::contact::ContactLaw;
+use crate::error::SimError;
 use carom_impact::Coefficients;
 use std::fmt;
 use std::sync::Arc;
@@ -16,7 +17,7 @@ pub struct Parameter {
     change: Arc<Change>,
 }
 
-type Change = dyn Fn(&mut Simulation, f64) + Send + Sync;
+type Change = dyn Fn(&mut Simulation, f64) -> Result<(), SimError> + Send + Sync;
 
 impl Parameter {
     /// The parameter whose increase by δ is `change(simulation, δ)`. `scale`: its size, from which the differences are made.
@@ -30,6 +31,18 @@ impl Parameter {
         name: impl Into<String>,
         scale: f64,
         change: impl Fn(&mut Simulation, f64) + Send + Sync + 'static,
+    ) -> Self {
+        Self::try_new(name, scale, move |simulation, delta| {
+            change(simulation, delta);
+            Ok(())
+        })
+    }
+
+    /// As [`Parameter::new`], for a change that may fail.
+    pub fn try_new(
+        name: impl Into<String>,
+        scale: f64,
+        change: impl Fn(&mut Simulation, f64) -> Result<(), SimError> + Send + Sync + 'static,
     ) -> Self {
         Self { name: name.into(), scale, change: Arc::new(change) }
     }
@@ -45,10 +58,13 @@ impl Parameter {
     }
 
     /// The simulation with the parameter increased by `delta`.
-    pub fn apply(&self, simulation: &Simulation, delta: f64) -> Simulation {
+    ///
+    /// # Errors
+    /// That of the change.
+    pub fn apply(&self, simulation: &Simulation, delta: f64) -> Result<Simulation, SimError> {
         let mut changed = simulation.clone();
-        (self.change)(&mut changed, delta);
-        changed
+        (self.change)(&mut changed, delta)?;
+        Ok(changed)
     }
 
     /// The coefficient of restitution of all contacts together that are under a law of `carom-impact` and have one between 0

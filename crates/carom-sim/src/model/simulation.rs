@@ -10,6 +10,8 @@ use crate::error::{SimError, named, require};
 use crate::state::{Coupling, Moment, Space, View, close_loops};
 use carom_chain::{Chain, Coordinates, JointInfo, PlanarChain, Spatial};
 use nalgebra::Vector3;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A chain with its possible contacts and the settings of its simulation.
 #[derive(Debug, Clone)]
@@ -59,6 +61,8 @@ pub struct Simulation {
     /// planar if its joint axes deviate by less than this angle, rad. A compliant contact is treated as rigid if its
     /// penetration stays below this share of the reach of the chain.
     pub neglect: Option<f64>,
+    /// A flag that another thread sets to end runs, sessions and derivatives of runs, with [`SimError::Stopped`].
+    pub stop: Option<Arc<AtomicBool>>,
 }
 
 /// Integrators of smooth motion, both with dense output.
@@ -96,7 +100,15 @@ impl Simulation {
             planar: true,
             integrator: Integrator::DormandPrince,
             neglect: None,
+            stop: None,
         }
+    }
+
+    /// # Errors
+    /// [`SimError::Stopped`] once the flag [`Self::stop`] is set.
+    pub(crate) fn go_on(&self, time: f64) -> Result<(), SimError> {
+        let stopped = self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed));
+        if stopped { Err(SimError::Stopped { time }) } else { Ok(()) }
     }
 
     /// The Zeno time for a tolerance: √(0.1 · tolerance) s, in which a body falls by about half the tolerance in m; between 1e-7 s,

@@ -249,6 +249,7 @@ impl<'a, A: Space> Motion<'a, A> {
         held: Option<&ConstraintForces>,
         out: &mut [f64],
     ) -> Result<(), SimError> {
+        self.sim.go_on(time)?;
         let (q, qd) = self.split(y);
         let (nq, nv) = (q.len(), qd.len());
         if nq == nv {

@@ -70,6 +70,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     pub fn until_end(&mut self, to_event: bool) -> Result<StopReason, SimError> {
         let first = self.history.events;
         while self.time < self.end && !(to_event && self.history.events > first) {
+            self.motion.sim.go_on(self.time)?;
             if self.history.events >= self.motion.sim.max_events {
                 return Ok(StopReason::Events);
             }

@@ -144,6 +144,25 @@ impl Plan {
     }
 }
 
+impl Simulation {
+    /// The names of the numbers of a small change of the state, 2 nv: `q shoulder`, `qd shoulder`; of joints with several coordinates
+    /// with a number, `q base 3`. The first columns of a [`Sensitivity`] have these names, and so have the rows of its `last_by`.
+    pub fn state_names(&self) -> Vec<String> {
+        let mut names = Vec::new();
+        for what in ["q", "qd"] {
+            for v in 0..self.chain.nv() {
+                let Some(joint) = self.chain.joint_of_velocity(v) else { continue };
+                let number = match &joint.coordinates {
+                    Coordinates::Own { v: own, .. } if own.len() > 1 => format!(" {}", v - own.start + 1),
+                    _ => String::new(),
+                };
+                names.push(format!("{what} {}{number}", joint.name));
+            }
+        }
+        names
+    }
+}
+
 fn all_columns(
     simulation: &Simulation,
     flat: Option<&PlanarChain>,
@@ -239,7 +258,8 @@ fn follow<A: Space>(
     let mut sims = Vec::new();
     for parameter in parameters {
         let by = DIFFERENCE * parameter.scale();
-        let changed = AT.map(|times| parameter.apply(sim, times * by));
+        let changed: Vec<Simulation> =
+            AT.iter().map(|times| parameter.apply(sim, times * by)).collect::<Result<_, _>>()?;
         if changed.iter().any(|other| other.chain != sim.chain || other.touches.len() != sim.touches.len()) {
             let rule =
                 "it changes the chain or the number of possible contacts: a parameter must leave both as they are";
@@ -262,7 +282,7 @@ fn follow<A: Space>(
     let probe = beside(sim)?;
     let mut changed = Vec::new();
     for (sims, by) in &sims {
-        let [a, b, c, d] = sims;
+        let [a, b, c, d] = &sims[..] else { continue };
         changed.push(([beside(a)?, beside(b)?, beside(c)?, beside(d)?], *by));
     }
     let mut follow = Follow { run, probe, changed, kinds: &kinds };
@@ -285,18 +305,7 @@ fn follow<A: Space>(
 
 /// The names of the columns.
 fn names(sim: &Simulation, parameters: &[Parameter]) -> Vec<String> {
-    let nv = sim.chain.nv();
-    let mut names = Vec::new();
-    for what in ["q", "qd"] {
-        for v in 0..nv {
-            let Some(joint) = sim.chain.joint_of_velocity(v) else { continue };
-            let number = match &joint.coordinates {
-                Coordinates::Own { v: own, .. } if own.len() > 1 => format!(" {}", v - own.start + 1),
-                _ => String::new(),
-            };
-            names.push(format!("{what} {}{number}", joint.name));
-        }
-    }
+    let mut names = sim.state_names();
     names.extend(parameters.iter().map(|parameter| parameter.name().to_owned()));
     names
 }

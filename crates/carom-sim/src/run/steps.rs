@@ -89,6 +89,7 @@ impl<A: Space> Run<'_, '_, A> {
         let (mut still, mut since) = (0.0, 0.0);
         let mut length = sim.contact_step.min(self.history.wait);
         while self.time < self.end {
+            sim.go_on(self.time)?;
             let start = self.time;
             let until = self.end.min(sim.next_kink(&self.motion.moving, start));
             if is_reached(until, self.time, self.motion.scale.pace) {

@@ -274,6 +274,7 @@ pub(crate) struct LinearStep {
 impl LinearStep {
     /// `changed`: for each parameter the runs with it changed by the multiples [`AT`] of a number, and that number.
     pub fn of<A: Space>(step: &Step, run: &mut Run<A>, changed: &mut [([Run<A>; 4], f64)]) -> Result<Self, SimError> {
+        run.motion.sim.go_on(step.start)?;
         let h = step.end - step.start;
         let memory = run.remembered();
         let (nq, nv) = (run.motion.sim.chain.nq(), run.motion.sim.chain.nv());
