@@ -116,9 +116,10 @@ fn every_help_fits_100_columns_and_describes_computation_input_output_and_option
         let answers = command != "completions";
         assert_eq!(about.contains("JSON keys:"), answers, "{command} lists its JSON keys, if it has them");
         // Each option is followed by its description.
+        let is_option = |line: &str| line.starts_with("      --") || (line.starts_with("  -") && line.contains(", --"));
         let lines: Vec<&str> = rest.split_once("\nOptions:\n").unwrap().1.lines().collect();
         let mut options = 0;
-        for (k, line) in lines.iter().enumerate().filter(|(_, line)| line.starts_with("      --")) {
+        for (k, line) in lines.iter().enumerate().filter(|(_, line)| is_option(line)) {
             let text = lines.get(k + 1).map_or("", |next| next.trim());
             assert!(text.len() >= 10, "{command}: no description below {line}");
             options += 1;
