@@ -16,6 +16,22 @@ fn planar2() -> String {
     carom_testing::files::text("robots/planar2.urdf")
 }
 
+/// Without a key it is that of the Earth; a scene that says so has none.
+#[test]
+fn a_plan_states_its_gravity() {
+    for (key, choice) in
+        [("", "(0, 0, -9.81) m/s²"), ("gravity = [0, 0, 0]", "none"), ("gravity = [0, 0, -1.62]", "(0, 0, -1.62) m/s²")]
+    {
+        let text = format!(
+            "[robot]\nurdf = \"robot.urdf\"\nfloating = true\nq = [0, 0, 1, 0, 0, 0, 1]\n[run]\nduration = 0.1\n{key}"
+        );
+        let plan = scene(&carom_testing::files::text("robots/ball.urdf"), &text).plan().unwrap();
+        let stated: Vec<&str> =
+            plan.kept.iter().filter(|it| it.what == "gravity").map(|it| it.choice.as_str()).collect();
+        assert_eq!(stated, [choice]);
+    }
+}
+
 /// Runs the plan of a scene and of the same scene with `model = "full"`, and compares events and motion of the joints
 /// `kept` (indices in the full q) to 1e-11 of the largest number. At least `least` events have to be compared.
 fn same_motion(name: &str, robot: &str, text: &str, kept: &[usize], least: usize) -> [Simulation; 2] {

@@ -1,7 +1,7 @@
 //! Scene files: units and bounds of their numbers, messages about refused values, and the bound of a plan.
 
 use carom_chain::ChainError;
-use carom_sim::{Drive, Scene, SimError};
+use carom_sim::{Drive, Scene, SeveralLaw, SimError};
 use carom_testing::files::{self, Folder};
 use carom_testing::scenes;
 use std::path::PathBuf;
@@ -20,6 +20,15 @@ fn rule(text: &str) -> String {
 
 const ARM: &str = "[robot]\nurdf = \"arm.urdf\"\nq = [0.7854, -1.5708]\n";
 const WALL: &str = "[[surface]]\nshape = { halfspace = { point = [0.65, 0, 0], normal = [-1, 0, 0] } }\n";
+
+#[test]
+fn laws_of_several_contacts_are_read_by_the_names_of_their_authors_too() {
+    let energetic = SeveralLaw::Energetic { exponent: 1.5 };
+    for (name, law) in [("glocker-pfeiffer", SeveralLaw::Poisson), ("liu-zhao-brogliato", energetic)] {
+        let scene = read(&format!("{ARM}{WALL}[contact]\nseveral = \"{name}\"\n[run]\nduration = 1\n")).unwrap();
+        assert_eq!(scene.simulation.several, law);
+    }
+}
 
 /// The displacement of a surface with the frequency f in Hz is amplitude · sin(2π f t + phase).
 #[test]
