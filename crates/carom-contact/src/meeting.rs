@@ -52,7 +52,8 @@ pub struct Met {
     /// Gap, normal and contact points, as if faces and edges had no end. An infinite gap: there is no such point (parallel edges,
     /// a rim that lies on the face).
     pub gap: Gap,
-    /// How far the contact point is inside the faces and edges, m; there is no contact where it is below −[`Met::OUTSIDE`].
+    /// How far the contact point is inside the faces and edges, as a share of the size of the smaller body; there is no contact where it is
+    /// below −[`Met::OUTSIDE`].
     pub margin: f64,
 }
 
@@ -64,7 +65,7 @@ impl std::fmt::Display for Meeting {
 }
 
 impl Met {
-    /// Contact points up to this distance outside of a face or edge still count, m.
+    /// Contact points up to this share of the size of the smaller body outside of a face or edge still count.
     pub const OUTSIDE: f64 = 1e-9;
 
     /// Whether the parts face each other: otherwise their gap means nothing.
@@ -191,14 +192,19 @@ impl Meeting {
         let (mine, others) = ((self.own, own), (self.other, other));
         let swapped = self.swapped();
         let (first, second) = if swapped { (others, mine) } else { (mine, others) };
-        let Local { distance, normal, point, margin } = meet(first, second, self.upper);
+        // A half-space has no size.
+        let size = match (own.0.size, other.0.size) {
+            (size, 0.0) | (0.0, size) => size,
+            (one, other) => one.min(other),
+        };
+        let Local { distance, normal, point, margin } = meet(first, second, self.upper, Met::OUTSIDE * size);
         let beyond = if distance.is_finite() { point - normal * distance } else { point };
         let gap = if swapped {
             Gap { distance, normal: -normal, on_robot: beyond, on_environment: point }
         } else {
             Gap { distance, normal, on_robot: point, on_environment: beyond }
         };
-        Met { gap, margin }
+        Met { gap, margin: margin / size }
     }
 
     /// The gap of a corner and a half-space, for many corners of one body: `down` is the normal of the half-space in the axes of
@@ -234,7 +240,7 @@ impl Meeting {
 
 /// The margin of a point p at this height over a face: the least of the distances of its foot to the other faces, from inside.
 /// Below the face it must itself be inside the body, and not much nearer to another face, through which it came.
-fn within(face: &FacePart, pose: &Pose<Spatial<f64>>, p: Vector3<f64>, height: f64) -> f64 {
+fn within(face: &FacePart, pose: &Pose<Spatial<f64>>, p: Vector3<f64>, height: f64, outside: f64) -> f64 {
     let p = p - pose.rotation * face.normal * height.max(0.0);
     let margin = match &face.bounds {
         Bounds::None => f64::INFINITY,
@@ -249,12 +255,12 @@ fn within(face: &FacePart, pose: &Pose<Spatial<f64>>, p: Vector3<f64>, height: f
             (radius - across).min(length + height)
         }
     };
-    if came_through(height, margin) { NOWHERE } else { margin }
+    if came_through(height, margin, outside) { NOWHERE } else { margin }
 }
 
 /// Whether a point below a face or a round side with this margin is there because it came through another face.
-fn came_through(height: f64, margin: f64) -> bool {
-    height < -Met::OUTSIDE && (margin <= Met::OUTSIDE || height < -DEEPER * margin)
+fn came_through(height: f64, margin: f64, outside: f64) -> bool {
+    height < -outside && (margin <= outside || height < -DEEPER * margin)
 }
 
 /// Whether no edge of this corner falls towards the other body by more than [`AWAY`]. `n` is in the axes of the parts.
@@ -276,7 +282,7 @@ fn is_inside(edge: &EdgePart, n: Vector3<f64>) -> bool {
     edge.beside.is_none_or(|faces| faces.iter().all(|face| n.dot(&face.normal) <= 0.0))
 }
 
-fn meet((first, (a, pose)): (Part, Placed), (second, (b, place)): (Part, Placed), upper: bool) -> Local {
+fn meet((first, (a, pose)): (Part, Placed), (second, (b, place)): (Part, Placed), upper: bool, outside: f64) -> Local {
     let nowhere = Local { distance: f64::INFINITY, normal: Vector3::z(), point: Vector3::zeros(), margin: NOWHERE };
     match (first, second) {
         (Part::Corner(i), Part::Face(j)) => {
@@ -286,7 +292,7 @@ fn meet((first, (a, pose)): (Part, Placed), (second, (b, place)): (Part, Placed)
             let distance = n.dot(&(point - place.point(face.point)));
             let unbounded = face.bounds == Bounds::None && !matches!(corner.kind, CornerKind::OfRim(_));
             let faced = unbounded || faces(corner, pose.rotation.tr_mul(&n));
-            let margin = if faced { within(face, place, point, distance) } else { NOWHERE };
+            let margin = if faced { within(face, place, point, distance, outside) } else { NOWHERE };
             Local { distance, normal: n, point, margin }
         }
         (Part::Rim(i), Part::Face(j)) => {
@@ -300,7 +306,7 @@ fn meet((first, (a, pose)): (Part, Placed), (second, (b, place)): (Part, Placed)
             }
             let point = pose.point(rim.centre) - down * (rim.radius / tilt);
             let distance = n.dot(&(point - place.point(face.point)));
-            Local { distance, normal: n, point, margin: within(face, place, point, distance) }
+            Local { distance, normal: n, point, margin: within(face, place, point, distance, outside) }
         }
         (Part::Edge(i), Part::Edge(j)) => {
             let (one, two) = (&a.edges[i], &b.edges[j]);
@@ -313,7 +319,7 @@ fn meet((first, (a, pose)): (Part, Placed), (second, (b, place)): (Part, Placed)
                 margin = NOWHERE;
             }
             // Edges that have passed each other overlap only if each is inside the other's body.
-            if distance < -Met::OUTSIDE && !(is_inside(one, own) && is_inside(two, -other)) {
+            if distance < -outside && !(is_inside(one, own) && is_inside(two, -other)) {
                 margin = NOWHERE;
             }
             if distance < -AWAY * one.half_length.max(one.radius).min(two.half_length.max(two.radius)) {
@@ -331,7 +337,7 @@ fn meet((first, (a, pose)): (Part, Placed), (second, (b, place)): (Part, Placed)
             let held = n.dot(&axis) <= AWAY && n.dot(&m) <= AWAY;
             let away = -place.rotation.tr_mul(&n);
             let inside = n.dot(&axis) <= 0.0 && n.dot(&m) <= 0.0 && is_inside(edge, away);
-            let apart = distance >= -Met::OUTSIDE || inside;
+            let apart = distance >= -outside || inside;
             let counts = held && apart && exposed(edge, away) && distance >= -AWAY * rim.radius.min(edge.half_length);
             let margin = if counts { to_middle.min(edge.half_length - s.abs()) } else { NOWHERE };
             Local { distance, normal: n, point, margin }
@@ -347,7 +353,7 @@ fn meet((first, (a, pose)): (Part, Placed), (second, (b, place)): (Part, Placed)
             let distance = across.norm() - corner.radius - edge.radius;
             let counts = faces(corner, pose.rotation.tr_mul(&n)) && exposed(edge, -place.rotation.tr_mul(&n));
             let margin = edge.half_length - t.abs();
-            let margin = if counts && !came_through(distance, margin) { margin } else { NOWHERE };
+            let margin = if counts && !came_through(distance, margin, outside) { margin } else { NOWHERE };
             Local { distance, normal: n, point: c - n * corner.radius, margin }
         }
         (Part::Corner(i), Part::Corner(j)) => {

@@ -25,6 +25,8 @@ pub struct Parts {
     pub(crate) rims: Vec<RimPart>,
     /// Position and radius of every corner that is not of a rim, together in memory for the search of the lowest one.
     pub(crate) outline: Vec<(Vector3<f64>, f64)>,
+    /// The largest distance of a corner from the middle of all, m; 0 without corners.
+    pub(crate) size: f64,
 }
 
 /// A corner, or the ball at the end of a capsule.
@@ -150,6 +152,10 @@ impl Parts {
     fn outlined(mut self) -> Self {
         let corners = self.corners.iter().filter(|corner| !matches!(corner.kind, CornerKind::OfRim(_)));
         self.outline = corners.map(|corner| (corner.position, corner.radius)).collect();
+        let middle =
+            self.corners.iter().map(|corner| corner.position).sum::<Vector3<f64>>() / self.corners.len() as f64;
+        let far = self.corners.iter().map(|corner| (corner.position - middle).norm() + corner.radius);
+        self.size = far.fold(0.0, f64::max);
         self
     }
 

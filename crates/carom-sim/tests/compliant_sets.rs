@@ -128,14 +128,17 @@ fn stiffer_feet_on_a_diagonal_couple_roll_and_pitch() {
 }
 
 /// The ratio of two maxima a period apart is exp(−2πζ/√(1 − ζ²)): for dashpots c = 2ζₑ√(k mₑ), where ζₑ gives the restitution to
-/// the effective mass mₑ of one foot, and for Hunt & Crossley's force in the limit of small oscillations, where c = k d a.
+/// the effective mass mₑ of one foot, and for Hunt & Crossley's force in the limit of small oscillations, where c = k d a, with the damping d
+/// of the slowest approach that has one of its own, L/(1000 T), T = 2√(L/g).
 #[test]
 fn oscillations_on_four_feet_decay_by_the_logarithmic_decrement() {
     let (k, e) = (1e5, 0.9_f64);
     let depth = M * G / (4.0 * k);
     let own_mass = 1.0 / (1.0 / M + B * B / IX + A * A / IY);
     let dashpot = 2.0 * (-e.ln() / PI.hypot(e.ln())) * (k * own_mass).sqrt();
-    let hunt = HuntCrossley::new(k, 1.0, 0.99).unwrap().damping(1e-3) * k * depth;
+    let length = A.hypot(B).hypot(H) + R;
+    let slowest = 1e-3 * 0.5 * (G * length).sqrt();
+    let hunt = HuntCrossley::new(k, 1.0, 0.99).unwrap().damping(slowest) * k * depth;
     let pulling =
         format!("restitution = {e}\ncompliance = {{ stiffness = {k:e}, force = \"kelvin-voigt\", pulls = true }}");
     let crossley = format!("restitution = 0.99\ncompliance = {{ stiffness = {k:e}, exponent = 1 }}");

@@ -97,10 +97,6 @@ pub(crate) struct Pressed {
 }
 
 impl Compliance {
-    /// Lower bound of the approach velocity from which damping is computed, m/s: Hunt & Crossley's damping grows as its
-    /// inverse.
-    pub(crate) const SLOWEST: f64 = 1e-3;
-
     /// Hunt & Crossley's force with n = 1.5 and [`Damping::Exact`], and smoothed friction with v_s = 1 mm/s. `stiffness` is in
     /// N/m^1.5.
     pub const fn new(stiffness: f64) -> Self {

@@ -21,7 +21,7 @@ pub(crate) use gap::{At, BallOnPlane, Place};
 pub use law::ContactLaw;
 pub(crate) use links::{are_disabled, robot_of};
 pub use mode::ContactMode;
-pub(crate) use pair::{APART, Pair, Passing, Placed};
+pub(crate) use pair::{APART, FAR, Pair, Passing, Placed};
 pub use rule::ContactRule;
 pub use several_law::SeveralLaw;
 pub(crate) use surface::Moving;

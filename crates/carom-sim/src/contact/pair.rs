@@ -50,12 +50,12 @@ impl Passing {
     }
 
     /// Bounds of the rate and of the curvature of the gap between two states of this distance in time, m/s and m/s². The velocities in
-    /// between are at most [`BEYOND`] times as large as at both ends.
+    /// between are at most twice as large as at both ends.
     pub fn bounds(&self, other: &Self, span: f64) -> [f64; 2] {
-        let most = |of: fn(&Self) -> f64| BEYOND * of(self).max(of(other));
+        let most = |of: fn(&Self) -> f64| 2.0 * of(self).max(of(other));
         let turning = most(|it| it.turning.norm());
         let change = (self.velocity - other.velocity).norm() / span;
-        [most(|it| it.velocity.norm()) + turning * self.size, BEYOND * change + turning * turning * self.size]
+        [most(|it| it.velocity.norm()) + turning * self.size, 2.0 * change + turning * turning * self.size]
     }
 }
 
@@ -70,10 +70,9 @@ pub(crate) enum Against {
 pub(crate) const APART: (f64, f64) = (f64::INFINITY, 0.0);
 /// Pairs with more contacts of parts than this are not divided.
 const MANY: usize = 2000;
-/// Velocities within a step as a multiple of those at its ends.
-const BEYOND: f64 = 1.5;
-/// Share of a body's bounding sphere: bodies further apart than this are not examined.
-const FAR: f64 = 0.25;
+/// Share of a body's size: bodies that are separated by more are open. Their gap is given by its lower bound, and their contacts are not
+/// examined one by one.
+pub(crate) const FAR: f64 = 0.02;
 
 impl Pair {
     /// A pair with the contacts of its parts; none if it touches at one point, or where it is not divided.

@@ -13,6 +13,7 @@ use super::pair::{Against, Pair};
 use super::rule::ContactRule;
 use super::surface::{Moving, Surface, SurfaceMotion};
 use crate::error::{SimError, named};
+use crate::state::MANY;
 use carom_chain::{Chain, JointCoordinate};
 use carom_contact::{LeftOut, LinkShape, Meeting, Solid, Surface as Form, link_shapes, out_of_reach, shapes_of_link};
 use carom_impact::Frictionless;
@@ -42,9 +43,6 @@ pub(crate) enum TouchKind {
     /// A joint limit, with the sign of the force that it exerts.
     Limit { joint: String, q: usize, v: usize, bound: f64, sign: f64 },
 }
-
-/// The corners of hulls with more vertices than this are examined together, while none of them touches.
-const MANY_CORNERS: usize = 32;
 
 /// The possible contacts, and the pairs that cannot touch, each with its reason.
 #[derive(Debug, Clone, Default)]
@@ -144,7 +142,7 @@ impl Touch {
         let corners = shape.corners();
         match obstacle.surface() {
             Form::HalfSpace { point, normal }
-                if corners.len() <= MANY_CORNERS && !matches!(shape.solid(), Solid::Cylinder { .. }) =>
+                if corners.len() <= MANY && !matches!(shape.solid(), Solid::Cylinder { .. }) =>
             {
                 let (surface, name) = (Some(name.clone()), format!("{} on {name}", shape.link()));
                 for (k, corner) in corners.iter().enumerate() {

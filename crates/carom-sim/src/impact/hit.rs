@@ -3,18 +3,12 @@
 //! Symbols as in `strike.rs`.
 
 use crate::error::SimError;
-use crate::state::{EQUAL, written};
+use crate::state::{EQUAL, EXACT, NOTICED, written};
 use carom_chain::PointResponse;
 use carom_chain::algebra::Algebra;
 use carom_impact::{Flags, ImpactOutcome, Mode};
 use nalgebra::{Matrix3, MatrixXx3, SMatrix, SVector, Vector3};
 use serde::{Serialize, Serializer};
-
-/// Rounding of sums over the pairs of some dozens of joints, relative to their terms.
-const ROUNDED: f64 = 1024.0 * f64::EPSILON;
-
-/// Where rounding could take a larger share of T⁻, velocities are not known.
-const UNKNOWN: f64 = 1e-3;
 
 /// The result of an impact of a chain. Serde writes what happens at the contact point; numbers by joint are written beside it, in the
 /// order of joints that is wanted there.
@@ -205,7 +199,8 @@ impl ChainImpact {
             .map(|(column, rate)| column.iter().zip(&rates).map(|(m, other)| m.abs() * other).sum::<f64>() * rate);
         // Without M the energies are sums of squares of bodies, whose velocities are those that the impulse changes.
         let terms = self.energy_before + self.energy_after + pushed.chain(drives).chain(momenta).sum::<f64>();
-        let allowed = EQUAL * self.energy_before + (ROUNDED * terms).min(UNKNOWN * self.energy_before);
+        // Where rounding could take a larger share of T⁻, velocities are not known.
+        let allowed = EQUAL * self.energy_before + (EXACT * terms).min(NOTICED * self.energy_before);
         let (found, expected) = self.balance();
         let holds = (found - expected).abs() <= allowed; // false for NaN too
         if holds { Ok(()) } else { Err(SimError::Unbalanced { link: link(), found, expected, allowed }) }

@@ -10,6 +10,7 @@
 use super::derivative::{ImpactDerivative, PlaneContact, RowRates, differentiate};
 use super::hit::{ChainImpact, in_axes};
 use crate::error::SimError;
+use crate::state::ROUNDING;
 use carom_chain::algebra::Algebra;
 use carom_chain::{
     Chain, FramePoint, Keep, Kept, Planar, Point, PointResponse, ResponseMemory, Spatial, Visit, Workspace,
@@ -109,9 +110,6 @@ impl<'a> PreparedStrike<'a> {
         }
     }
 }
-
-/// A normal whose component across the plane is below this is in the plane: its rounding.
-const ROUNDED: f64 = 64.0 * f64::EPSILON;
 
 /// Contact point, normal and joint model, checked.
 #[derive(Debug, Clone)]
@@ -269,7 +267,7 @@ impl<'a> Pass<'a, Planar<f64>, OfPlane, 2> {
     /// In the plane, if the chain and the normal are in one.
     pub fn in_plane(aim: &Aim<'a>) -> Option<Self> {
         let normal = aim.axes.column(2).into_owned();
-        let flat = aim.chain.in_plane().filter(|flat| flat.plane.normal.dot(&normal).abs() <= ROUNDED)?;
+        let flat = aim.chain.in_plane().filter(|flat| flat.plane.normal.dot(&normal).abs() <= ROUNDING)?;
         let normal = flat.plane.project(normal);
         let tangent = Vector2::new(-normal.y, normal.x);
         let along = flat.plane.lift(tangent);

@@ -8,9 +8,9 @@
 //!
 //! Dry friction of joints carries no impulse: its force is bounded.
 
+use super::active_set::{Hold, Lasting};
 use super::assembled::Assembled;
 use super::held::Detail;
-use super::lasting::{Hold, Lasting};
 use super::rows::Contact;
 use super::smooth::Motion;
 use crate::error::SimError;

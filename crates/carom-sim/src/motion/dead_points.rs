@@ -11,18 +11,16 @@
 //! | G | R M⁻¹Rᵀ |
 //! | x − G_B G_BB⁻¹ x_B | what is left of x, accelerations or velocities along the rows, when the rows B are zero |
 
+use super::active_set::{Dry, DryJoint, Hold, Lasting};
 use super::assembled::Assembled;
 use super::held::Detail;
-use super::lasting::{Dry, DryJoint, Hold, Lasting};
 use super::smooth::Motion;
+use super::zero::LEVER;
 use crate::error::SimError;
 use crate::state::{Basis, EQUAL, EXACT, Space};
 use carom_chain::Rows;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
-
-/// A velocity counts as zero if setting it to zero changes others by up to this many times [`Motion::rest`].
-const MORE: f64 = 100.0;
 
 impl<A: Space> Motion<'_, A> {
     /// Lets contacts that stick and joints that dry friction holds slide on where they have just come to rest at a dead point. `before`:
@@ -33,13 +31,13 @@ impl<A: Space> Motion<'_, A> {
         before: &[DryJoint],
         (time, y): (f64, &[f64]),
     ) -> Result<(), SimError> {
-        // At the start no joint was at rest before.
+        // A velocity counts as zero if setting it to zero changes others by little. At the start no joint was at rest before.
         let held = |old: &DryJoint| old.state == Dry::Holds && time > self.sim.start_time;
         let joints = self.active.dry.iter().zip(before).map(|(joint, old)| joint.state == Dry::Holds && !held(old));
         let joints: Vec<bool> = joints.collect();
         let stops = |own: &Lasting| own.hold == Hold::Sticks && !self.active.lasting.contains(own);
         let contacts: Vec<bool> = entries.iter().filter(|own| own.is_rigid()).map(stops).collect();
-        let moves = self.scale.fastest(self.split(y).1) > MORE * self.rest();
+        let moves = self.scale.fastest(self.split(y).1) > LEVER * self.rest();
         if !moves || !contacts.iter().chain(&joints).any(|stops| *stops) {
             return Ok(());
         }
@@ -89,7 +87,7 @@ impl<A: Space> Motion<'_, A> {
         // The inverse inertia of the contact without constraints: its largest one, as that along a row may vanish, too.
         let (mut rows, mut alone) = (Rows::new(found.free.len()), Rows::default());
         all.clone().for_each(|i| rows.add().copy_from_slice(found.constraints.rows.row(i)));
-        let (q, most) = (self.split(y).0, MORE * self.rest());
+        let (q, most) = (self.split(y).0, LEVER * self.rest());
         self.view(q)?.kin.respond(&rows, &mut alone)?;
         let alone = rows.times(&alone).diagonal().amax();
         let velocity = own(&left.velocities).column(0).dot(&toward).abs();

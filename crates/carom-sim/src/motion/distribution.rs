@@ -11,17 +11,15 @@
 //! motion: the projection of zero onto the intersection of a convex set with the affine set of all λ with G λ = G λ₀ (Deutsch 2001, *Best
 //! Approximation in Inner Product Spaces*, theorem 10.13). Newton's method solves them, with the derivative of P on its present pieces.
 
+use super::active_set::{Dry, DryJoint, Hold, Lasting};
 use super::assembled::{Assembled, ConstraintForces};
 use super::held::Detail;
-use super::lasting::{Dry, DryJoint, Hold, Lasting};
 use super::rows::Contact;
 use super::smooth::Motion;
 use crate::error::SimError;
-use crate::state::{Basis, EQUAL, Space};
+use crate::state::{Basis, EQUAL, STEPS, Space};
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
-
-const STEPS: usize = 50;
 
 /// What the forces of some rows may be.
 enum Admitted {

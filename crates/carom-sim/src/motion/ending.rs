@@ -9,7 +9,7 @@
 //! This is done where a mode is chosen. A slip that has lasted is followed to a sixteenth of t before its end. For derivatives of the motion,
 //! whose error would be of first order in t, all slips are followed to their end.
 
-use super::lasting::{Dry, DryJoint, Hold, Lasting};
+use super::active_set::{Dry, DryJoint, Hold, Lasting};
 use super::rows::Contact;
 use super::smooth::Motion;
 use crate::error::SimError;
@@ -20,8 +20,6 @@ use nalgebra::{DVector, Vector3};
 /// The time t as a share of the Zeno time: the change of the motion is quadratic in it, and with the whole of it larger than the error of
 /// the integration.
 const SHARE: f64 = 0.25;
-/// What is left of a slip that has lasted, as a share of t, when it ends: slips that end together then end by one event.
-const LASTED: f64 = 1.0 / 16.0;
 
 impl Lasting {
     /// Whether it slides in space with friction, so that its slip may turn.
@@ -108,10 +106,11 @@ impl<A: Space> Motion<'_, A> {
         self.active.lasting.iter().any(|own| own.may_turn::<A>(self.sim))
     }
 
-    /// What is left of the slip that ends first, at these accelerations, which are the last ones computed: negative where it ends soon.
+    /// What is left of the slip that ends first, at these accelerations, which are the last ones computed: negative where it ends within a
+    /// sixteenth of t, so that slips that end together end by one event.
     pub fn least_slip_left(&mut self, qdd: &DVector<f64>, at: (f64, &[f64])) -> Result<f64, SimError> {
         let mut least = f64::MAX;
-        self.slips_left(LASTED * SHARE * self.sim.zeno_time, qdd, at, |_, left| least = least.min(left))?;
+        self.slips_left(SHARE.powi(3) * self.sim.zeno_time, qdd, at, |_, left| least = least.min(left))?;
         Ok(least)
     }
 

@@ -7,8 +7,8 @@
 //! Where the motion depends on how forces are distributed (F ≠ R), contacts that would pull by the convention have no force, one after
 //! another, as long as the rows of the others determine the motion.
 
+use super::active_set::Hold;
 use super::assembled::Assembled;
-use super::lasting::Hold;
 use super::rows::Contact;
 use crate::state::{Basis, CLEAR, EXACT, Spread};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, LU};

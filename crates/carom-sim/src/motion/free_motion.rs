@@ -1,14 +1,11 @@
 //! Free motion of a chain: motors off, no contacts.
 
 use crate::error::{SimError, ended};
-use crate::state::Moment;
+use crate::state::{MAX_STEPS, Moment};
 use carom_chain::{Chain, ChainError};
 use ivp::prelude::{FirstOrderSystem, Ivp, Method};
 use nalgebra::Vector3;
 use std::cell::RefCell;
-
-/// Maximal number of integration steps.
-const MAX_STEPS: usize = 1_000_000;
 
 /// The free motion M q̈ + C q̇ + g = 0, without damping, dry friction and contacts, from `(q, qd)` at time 0 to `end` seconds
 /// (negative: back in time). Returns `samples` ≥ 2 moments at equal intervals, both ends included. `gravity` is in world
@@ -16,7 +13,7 @@ const MAX_STEPS: usize = 1_000_000;
 ///
 /// # Errors
 /// [`SimError::Chain`]: a state of wrong length or with numbers that are not finite. [`SimError::Setting`]: fewer than 2
-/// samples, or an `end` that is 0 or not finite. [`SimError::Integration`]: the integrator failed or needs over a million steps.
+/// samples, or an `end` that is 0 or not finite. [`SimError::Integration`]: the integrator failed or needs over ten million steps.
 pub fn free_motion(
     chain: &Chain,
     q: &[f64],

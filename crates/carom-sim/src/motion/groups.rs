@@ -1,10 +1,10 @@
 //! The touches of one pair of bodies as a group: while none of them lasts, the gap of the two bodies stands for all of them.
 
-use super::lasting::Lasting;
-use crate::contact::{APART, BallOnPlane, Pair, Passing, Placed, Touch, TouchKind};
+use super::active_set::Lasting;
+use crate::contact::{APART, BallOnPlane, FAR, Pair, Passing, Placed, Touch, TouchKind};
 use crate::error::SimError;
 use crate::model::Simulation;
-use crate::state::{EQUAL, Space, View};
+use crate::state::{EQUAL, MANY, Space, View};
 use carom_contact::Meeting;
 use std::cell::Cell;
 use std::sync::Arc;
@@ -19,13 +19,6 @@ pub(crate) struct Group {
     /// The nearest points of the bodies.
     pub whole: Option<usize>,
 }
-
-/// The corners of a hull on a plane are watched together if there are more than this.
-const MANY: usize = 32;
-/// Share of a body's size: pairs with a gap above this are open, and their contacts are not examined one by one.
-const NEAR: f64 = 1e-3;
-/// Share of a body's size: the gap of bodies that are separated by more is given by its lower bound.
-const FAR: f64 = 0.02;
 
 impl Group {
     /// The groups of these touches.
@@ -296,7 +289,7 @@ impl<'a, A: Space> Gaps<'a, A> {
     }
 
     /// Gaps and gap rates of all touches, in their order, without those of bodies and corners that are apart by more than
-    /// a share [`NEAR`] of the size of a body. Of parts that do not face each other they are [`APART`].
+    /// a share [`FAR`] of the size of a body. Of parts that do not face each other they are [`APART`].
     pub fn all(
         &self,
         lasting: &[Lasting],
@@ -309,7 +302,7 @@ impl<'a, A: Space> Gaps<'a, A> {
             gaps.push((k, self.look(k, view, state, time)?));
         }
         for (g, group) in self.groups.iter().enumerate() {
-            let open = NEAR * group.pair.size();
+            let open = FAR * group.pair.size();
             if !self.lasts(g, lasting) && self.of_group(g, view, state, time)?.0 > open {
                 continue;
             }

@@ -21,9 +21,9 @@
 //! not depend on the convention where the rows F have the same rank as R. They do not if contacts of one body slide in
 //! different directions: a spinning box. Its motion is that of the convention, and flagged (`unique.rs`).
 
+use super::active_set::{Dry, Hold, Lasting};
 use super::assembled::{Assembled, ConstraintForces, Force};
 use super::equations::Equations;
-use super::lasting::{Dry, Hold, Lasting};
 use super::rows::push;
 use super::scale::SLOWEST;
 use super::smooth::Motion;

@@ -11,7 +11,7 @@
 //!
 //! For gaps every contact has its normal row alone.
 
-use super::lasting::{Dry, DryJoint, Hold, Lasting};
+use super::active_set::{Dry, DryJoint, Hold, Lasting};
 use crate::contact::{At, Place, Touch};
 use crate::error::SimError;
 use crate::model::Simulation;

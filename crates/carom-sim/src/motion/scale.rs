@@ -90,6 +90,11 @@ impl Scale {
         speed / self.levers[v]
     }
 
+    /// The slowest approach of which a compliant contact has a damping of its own, m/s.
+    pub fn slowest(&self) -> f64 {
+        SLOWEST * self.length * self.pace
+    }
+
     /// The acceleration L/T², m/s².
     pub fn acceleration(&self) -> f64 {
         self.length * self.pace * self.pace
@@ -111,7 +116,8 @@ impl Scale {
     }
 }
 
-/// The slowest motion whose own time decides how far ahead of a state ties are decided, over the pace of the scene.
+/// The slowest motion, as a share of the pace of the scene, that has a time of its own, and the slowest approach, as a share of its speed
+/// L/T, of which compliant contacts have a damping of their own: that of Hunt & Crossley grows as its inverse.
 pub(crate) const SLOWEST: f64 = 1e-3;
 
 /// Whether what is left of a time until another one is shorter than any step; `pace`: 1/T.

@@ -14,10 +14,10 @@
 //! with a_n > 0 opens. Where both are zero, or where a force is on the border of its cone at rest, the next derivative decides:
 //! the problem is solved again at a state a short time ahead: 1e-6 of the time in which the state changes by its own size.
 
+use super::active_set::{Dry, Hold, Lasting};
 use super::assembled::Assembled;
 use super::equations::Equations;
 use super::held::Detail;
-use super::lasting::{Dry, Hold, Lasting};
 use super::rows::{direction_of_slip, push};
 use super::scale::{SLOWEST, Scale};
 use super::smooth::Motion;
@@ -28,9 +28,9 @@ use nalgebra::{DVector, Vector3};
 use std::cell::OnceCell;
 use std::ops::Range;
 
-/// Accuracy of the complementarity problem, relative to the largest acceleration without forces. Problems that are solved at all take
-/// less than a hundred iterations from the first start, which gets a seventh of these; others often have no solution.
-pub(super) const ACCURACY: Accuracy = Accuracy { tolerance: EXACT, max_iterations: 1000 };
+/// Accuracy of forces and impulses of several contacts, relative to the largest acceleration without forces, or velocity. Problems that are
+/// solved at all take less than a hundred iterations from the first start, which gets a seventh of these; others often have no solution.
+pub(crate) const ACCURACY: Accuracy = Accuracy { tolerance: EXACT, max_iterations: 1000 };
 /// A closed contact before its mode is decided.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Candidate {

@@ -1,18 +1,16 @@
 //! Projection of a state onto its constraints, in the metric of M: gaps and normal velocities of the lasting contacts, slip of
 //! those that stick.
 
-use super::active_set::ActiveSet;
+use super::active_set::{ActiveSet, Dry, DryJoint, Hold, Lasting};
 use super::assembled::Assembled;
 use super::held::Detail;
-use super::lasting::{Dry, DryJoint, Hold, Lasting};
 use super::rows::{Constraints, Level, direction_of_slip, push};
 use super::select::Candidate;
 use super::smooth::Motion;
-use crate::contact::Touch;
 use crate::error::SimError;
 use crate::state::{ContactImpulse, EXACT, ROUNDING, Space, View};
 use carom_chain::Rows;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 
 impl<A: Space> Motion<'_, A> {
     /// Projects a state onto the constraints of the present mode; returns whether it changed.
@@ -116,77 +114,75 @@ impl<A: Space> Motion<'_, A> {
         }
     }
 
-    /// Updates the directions of slip, which turn in space; the witness functions for its stop use them.
-    pub fn follow_slip(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {
-        let mut lasting = std::mem::take(&mut self.active.lasting);
-        let (q, qd) = self.split(y);
-        let (sim, noise) = (self.sim, self.noise());
-        let view = self.view(q)?;
-        for own in &mut lasting {
-            if let Hold::Slides { toward } = &mut own.hold
-                && let Some(place) = sim.touches[own.touch].at(&view, q, time).surface
-            {
-                let u = sim.touches[own.touch].u(&place, &view, qd, time)?;
-                *toward = direction_of_slip(u, place.normal, noise).unwrap_or(*toward);
+    /// Passes the contacts with surfaces to `see`, with their unit normals and the velocities of their contact points relative to the surfaces.
+    fn slips(
+        &mut self,
+        (time, y): (f64, &[f64]),
+        mut see: impl FnMut(&mut Lasting, Vector3<f64>, Vector3<f64>),
+    ) -> Result<(), SimError> {
+        let (sim, (q, qd)) = (self.sim, self.split(y));
+        let Self { active, workspace, model, couplings, .. } = self;
+        let view = View::closed_by(*model, workspace, q, couplings)?;
+        let slides = |own: &&mut Lasting| matches!(own.hold, Hold::Slides { .. } | Hold::Starts { .. });
+        for own in active.lasting.iter_mut().filter(slides) {
+            let touch = &sim.touches[own.touch];
+            if let Some(place) = touch.at(&view, q, time).surface {
+                see(own, place.normal, touch.u(&place, &view, qd, time)?);
             }
         }
-        self.active.lasting = lasting;
         Ok(())
+    }
+
+    /// Updates the directions of slip, which turn in space; the guards of its stop use them.
+    pub fn follow_slip(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {
+        let noise = self.noise();
+        self.slips((time, y), |own, n, u| {
+            if let Hold::Slides { toward } = &mut own.hold {
+                *toward = direction_of_slip(u, n, noise).unwrap_or(*toward);
+            }
+        })
     }
 
     /// Ends the start of slips that have jumped between these states: their direction is that of the slip which an impact gave them.
     pub fn end_starts(&mut self, time: f64, (before, now): (&[f64], &[f64])) -> Result<(), SimError> {
-        let mut lasting = std::mem::take(&mut self.active.lasting);
-        let (sim, rest) = (self.sim, self.rest());
-        let ((q, qd), (_, old)) = (self.split(now), self.split(before));
-        let view = self.view(q)?;
-        for own in lasting.iter_mut().filter(|own| matches!(own.hold, Hold::Starts { .. })) {
-            let touch = &sim.touches[own.touch];
-            let Some(place) = touch.at(&view, q, time).surface else { continue };
-            let (u, old) = (touch.u(&place, &view, qd, time)?, touch.u(&place, &view, old, time)?);
-            if (u - old).norm() > rest
-                && let Some(toward) = direction_of_slip(u, place.normal, rest)
+        let (rest, mut old) = (self.rest(), Vec::new());
+        // The velocities before it, of the same contacts at the same configuration.
+        let before = [self.split(now).0, &before[self.sim.chain.nq()..]].concat();
+        self.slips((time, &before), |_, _, u| old.push(u))?;
+        let mut old = old.into_iter();
+        self.slips((time, now), |own, n, u| {
+            let jump = old.next().map_or(0.0, |old| (u - old).norm());
+            if let (Hold::Starts { .. }, Some(toward)) = (own.hold, direction_of_slip(u, n, rest))
+                && jump > rest
             {
                 own.hold = Hold::Slides { toward };
             }
-        }
-        self.active.lasting = lasting;
-        Ok(())
+        })
     }
 
     /// The slowest slip of the contacts that slide with friction and whose direction follows from it, m/s; infinite if there are
     /// none.
     pub fn slowest_slip(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
-        let slides = |own: &Lasting| matches!(own.hold, Hold::Slides { .. });
-        let rough = |touch: &Touch| touch.contact.law.friction() > 0.0;
-        let lasting: Vec<Lasting> = self.active.lasting.iter().filter(|own| slides(own)).copied().collect();
-        let (sim, (q, qd)) = (self.sim, self.split(y));
-        let view = self.view(q)?;
-        let mut slowest = f64::INFINITY;
-        for touch in lasting.iter().map(|own| &sim.touches[own.touch]).filter(|touch| rough(touch)) {
-            let slip = touch.slip(&touch.at(&view, q, time), &view, qd, time)?;
-            slowest = slowest.min(slip.unwrap_or(f64::INFINITY));
-        }
+        let (sim, mut slowest) = (self.sim, f64::INFINITY);
+        self.slips((time, y), |own, n, u| {
+            if matches!(own.hold, Hold::Slides { .. }) && sim.touches[own.touch].contact.law.friction() > 0.0 {
+                slowest = slowest.min((u - n * n.dot(&u)).norm());
+            }
+        })?;
         Ok(slowest)
     }
 
     /// The direction of slip that has begun, where it is fast enough, follows from it from now on. Contacts that begin to slide at
     /// one time are fast enough at one time, too: up to the error of the integration, and some of them have half that speed.
     pub fn started(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {
-        let mut lasting = self.active.lasting.clone();
-        let (sim, least) = (self.sim, 0.5 * self.starts());
-        let (q, qd) = self.split(y);
-        let view = self.view(q)?;
-        for own in &mut lasting {
-            if let Hold::Starts { toward } = own.hold {
-                let touch = &sim.touches[own.touch];
-                let slip = touch.slip(&touch.at(&view, q, time), &view, qd, time)?;
-                if slip.is_none_or(|slip| slip >= least) {
-                    own.hold = Hold::Slides { toward };
-                }
+        let least = 0.5 * self.starts();
+        self.slips((time, y), |own, n, u| {
+            if let Hold::Starts { toward } = own.hold
+                && (u - n * n.dot(&u)).norm() >= least
+            {
+                own.hold = Hold::Slides { toward };
             }
-        }
-        self.active.lasting = lasting;
+        })?;
         self.follow_slip(time, y)
     }
 
@@ -244,22 +240,16 @@ impl<A: Space> Motion<'_, A> {
 
     /// Whether a contact that slides, or a joint that brakes, moves against the direction in which it did: it came to rest before.
     pub fn moves_back(&mut self, time: f64, y: &[f64]) -> Result<bool, SimError> {
-        let ((q, qd), sim) = (self.split(y), self.sim);
+        let (_, qd) = self.split(y);
         let back = |joint: &DryJoint| matches!(joint.state, Dry::Brakes(direction) if qd[joint.v] * direction < 0.0);
         if self.active.dry.iter().any(back) {
             return Ok(true);
         }
-        let lasting = std::mem::take(&mut self.active.lasting);
-        let view = self.view(q)?;
-        let moves_back = |own: &Lasting| -> Result<bool, SimError> {
-            let Hold::Slides { toward } = own.hold else { return Ok(false) };
-            let touch = &sim.touches[own.touch];
-            let Some(place) = touch.at(&view, q, time).surface else { return Ok(false) };
-            Ok(touch.u(&place, &view, qd, time)?.dot(&toward) < 0.0)
-        };
-        let found = lasting.iter().map(moves_back).find(|it| !matches!(it, Ok(false)));
-        self.active.lasting = lasting;
-        found.unwrap_or(Ok(false))
+        let mut found = false;
+        self.slips((time, y), |own, _, u| {
+            found |= matches!(own.hold, Hold::Slides { toward } if u.dot(&toward) < 0.0);
+        })?;
+        Ok(found)
     }
 
     /// Moves a state on by `span` seconds with constant accelerations.

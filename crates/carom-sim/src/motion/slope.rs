@@ -18,10 +18,10 @@
 //! with the matrices of the motion itself, which are factored once. δ̄(M q̈ + b) is that of the inverse dynamics in closed form; the rest
 //! ([`Motion::balance`]) knows no inertia: controllers, and where the contacts are.
 
+use super::active_set::Hold;
 use super::assembled::Assembled;
 use super::equations::Equations;
 use super::held::Detail;
-use super::lasting::Hold;
 use super::rows::push;
 use super::smooth::Motion;
 use crate::error::SimError;

@@ -4,12 +4,11 @@
 //! State vectors are (q, qd, work of the drive, work of dissipative forces): the terms of the energy balance are integrated
 //! with the motion. The deflections of the bristles (world, m) of compliant contacts that have one are appended.
 
-use super::active_set::ActiveSet;
+use super::active_set::{ActiveSet, Dry};
 use super::assembled::{Assembled, ConstraintForces};
 use super::groups::{Gaps, Near};
-use super::lasting::{Dry, Hold, Lasting};
 use super::scale::Scale;
-use crate::contact::{ContactMode, Moving, Touch};
+use crate::contact::{Moving, Touch};
 use crate::error::SimError;
 use crate::model::{Asked, Drive, Motor, Simulation, SpringAt, motors};
 use crate::state::{Coupling, Loops, Space, View, close_loops};
@@ -331,17 +330,4 @@ impl<'a, A: Space> Motion<'a, A> {
 pub(crate) fn bristles(sim: &Simulation) -> Vec<usize> {
     let has = |k: &usize| sim.touches[*k].contact.compliance.is_some_and(|it| it.has_bristle());
     (0..sim.touches.len()).filter(has).collect()
-}
-
-impl Lasting {
-    /// Its mode.
-    pub fn mode(&self) -> ContactMode {
-        let touch = self.touch;
-        match self.hold {
-            Hold::Slides { .. } | Hold::Starts { .. } => ContactMode::Sliding { touch },
-            Hold::Sticks => ContactMode::Sticking { touch },
-            Hold::Latched => ContactMode::Latched { touch },
-            Hold::Presses { damping, .. } => ContactMode::Pressing { touch, damping },
-        }
-    }
 }

@@ -13,18 +13,13 @@
 //! The velocity across d is zero during the start. Friction adds it afterwards, by the same impulse. The error is of second order in
 //! the angle by which d turns during the start, and this angle is proportional to the duration of the start.
 
+use super::active_set::{Hold, Lasting};
 use super::assembled::Assembled;
-use super::lasting::{Hold, Lasting};
 use super::rows::{Constraints, push};
 use super::smooth::Motion;
 use crate::error::SimError;
-use crate::state::{EQUAL, Space};
+use crate::state::{EQUAL, ROUNDING, STEPS, Space};
 use nalgebra::{DMatrix, DVector, Vector2};
-
-/// Newton's method converges in two or three steps from the direction of the evaluation before.
-const MOST_STEPS: usize = 20;
-/// Directions are solved to this share of the friction accelerations.
-const SOLVED: f64 = 1e-13;
 
 fn across(d: Vector2<f64>) -> Vector2<f64> {
     Vector2::new(-d.y, d.x)
@@ -45,13 +40,13 @@ impl<A: Space> Motion<'_, A> {
             let (slips, sizes): (Vec<_>, Vec<_>) = (0..count).map(|i| found.slip_acceleration(i, &qdd)).unzip();
             let starts = &found.constraints.starts;
             let left = DVector::from_fn(count, |i, _| slips[i].dot(&across(starts[i].along)));
-            let solved = left.iter().zip(&sizes).all(|(left, size)| left.abs() <= SOLVED * size);
+            let solved = left.iter().zip(&sizes).all(|(left, size)| left.abs() <= 10.0 * ROUNDING * size);
             if solved {
                 return Ok(lambda);
             }
             // No directions of slip are consistent with the accelerations.
             let no_direction = || self.jam(time, found, starts[0].row);
-            if step == MOST_STEPS {
+            if step == STEPS {
                 return Err(no_direction());
             }
             // r changes with the angles by the turn of d and by the friction that turns with it.

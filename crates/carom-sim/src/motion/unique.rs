@@ -14,22 +14,15 @@
 //! contact at rest n·u > μ |t·u|: then cᵀK λ = λᵀF v > 0 (Gordan's theorem). Rosenblatt's perceptron finds it in a few steps where
 //! contacts push to one side, as those of a body that lies on a floor.
 
+use super::active_set::{Hold, Lasting};
 use super::assembled::Assembled;
-use super::lasting::{Hold, Lasting};
 use super::rows::{Contact, push};
-use super::select::Solution;
+use super::select::{ACCURACY, Solution};
 use super::smooth::Motion;
 use crate::error::SimError;
-use crate::state::{Basis, CLEAR, EQUAL, Space};
-use carom_impact::{Accuracy, Flags, SeveralProblem, undetermined};
+use crate::state::{Basis, CLEAR, EQUAL, STEPS, Space};
+use carom_impact::{Flags, SeveralProblem, undetermined};
 use nalgebra::DVector;
-
-/// Steps of the perceptron.
-const STEPS: usize = 64;
-/// Forces of the second start, as a multiple of those of the solution.
-const SQUEEZE: f64 = 1e3;
-/// Iterations for a second solution: those that exist are near the start.
-const FEW: usize = 200;
 
 /// Why the motion is not unique.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -106,7 +99,6 @@ impl<A: Space> Motion<'_, A> {
         if !self.may_have_other_modes(found) {
             return Ok(false);
         }
-        let accuracy = Accuracy { tolerance: super::select::ACCURACY.tolerance, max_iterations: FEW };
         // Along the forces, too: the weight of a block between walls does not act along their normals.
         let Assembled { constraints, free, .. } = found;
         let terms = |row: &[f64]| row.iter().zip(free.iter()).map(|(r, a)| (r * a).abs()).sum::<f64>();
@@ -115,10 +107,10 @@ impl<A: Space> Motion<'_, A> {
         let force = solution.scale[1].max(largest / mobility);
         let mut squeezed = DVector::zeros(solution.force.len());
         for contact in &found.constraints.contacts {
-            squeezed[contact.rows.end - 1] = SQUEEZE * force;
+            squeezed[contact.rows.end - 1] = force / CLEAR.sqrt();
         }
         for start in [DVector::zeros(solution.force.len()), squeezed] {
-            let other = problem.simultaneous(&accuracy, Some(&start))?;
+            let other = problem.simultaneous(&ACCURACY, Some(&start))?;
             if other.residual > EQUAL {
                 continue;
             }

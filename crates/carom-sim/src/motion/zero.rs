@@ -19,6 +19,7 @@
 //! | a velocity is zero: `rest` | 10 times its error | one of this size stops within a time of the same size, and moves by its square |
 //! | approach velocity of a part beside another one: `still` | a hundredth of that | a fast turn about one part is a slow approach of the other |
 //! | slip that begins has the direction of its acceleration | √τ L/T | the error is of second order in the time of the start |
+//! | a compliant contact has the damping of its approach from | L/(1000 T) | that of Hunt & Crossley grows as the inverse of the approach |
 //!
 //! Gaps and rates of the limits of hinges are angles, and are compared without L. Shares of forces and accelerations: `state/accuracy.rs`.
 
@@ -27,6 +28,9 @@ use crate::state::{CLEAR, EQUAL, Space};
 
 /// [`Motion::noise`] as a share of the tolerance.
 const NOISE: f64 = 5e-2;
+/// The motion of one part of a body may be so many times that of another part: where one of them is zero by the thresholds of this table, the
+/// other one may be larger by this.
+pub(crate) const LEVER: f64 = 100.0;
 
 impl<A: Space> Motion<'_, A> {
     /// The scale of the next decisions: at the start of a leg and of an impact.
@@ -57,7 +61,7 @@ impl<A: Space> Motion<'_, A> {
 
     /// Approach velocities of a part beside another part of the same bodies below this count as zero, m/s.
     pub fn still(&self) -> f64 {
-        0.01 * self.rest()
+        self.rest() / LEVER
     }
 
     /// Slip from rest up to this has the direction of its acceleration, m/s.

@@ -75,8 +75,6 @@ pub struct Bounded {
     pub of: String,
 }
 
-/// Numbers are shown with this inverse of a last digit where they differ from it by less than [`EXACT`].
-const DIGITS: f64 = 1e9;
 /// If the stability of the explicit integrator needs more steps than this, the implicit one is used.
 const STIFF: f64 = 1e5;
 /// Dormand–Prince 8(5,3) is stable up to about this product of step and rate.
@@ -405,9 +403,9 @@ fn listed(touches: &[&Touch]) -> String {
     format!("{}{more}", names.join("; "))
 }
 
-/// Formats a number without the rounding errors of a rotation.
+/// Formats a number without the rounding errors of a rotation: with nine digits after the point where it has no more.
 fn tidy(x: f64) -> String {
-    let rounded = (x * DIGITS).round() / DIGITS;
+    let rounded = format!("{x:.9}").parse().unwrap_or(x);
     let shown = if (rounded - x).abs() < EXACT { rounded + 0.0 } else { x };
     format!("{shown}")
 }

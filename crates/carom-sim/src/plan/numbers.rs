@@ -1,6 +1,6 @@
 //! The numbers by which a plan decides: bounds, equal corners, and the fastest rate.
 
-use crate::contact::{Compliance, Moving, Touch, TouchKind, friction_bound};
+use crate::contact::{Moving, Touch, TouchKind, friction_bound};
 use crate::error::SimError;
 use crate::model::{Drive, Simulation, motors};
 use crate::motion::Motion;
@@ -16,7 +16,7 @@ pub(super) fn depth_at_start(sim: &Simulation, q: &[f64], qd: &[f64]) -> Result<
         let Some(compliance) = touch.contact.compliance else { continue };
         let (gap, rate, _) = motion.closing(k, q, qd, 0.0)?;
         if nearest.is_none_or(|(least, _)| gap < least) {
-            let speed = (-rate).max(Compliance::SLOWEST);
+            let speed = (-rate).max(motion.scale.slowest());
             let mass = motion.effective_mass(k, q, 0.0)?;
             nearest =
                 Some((gap, compliance.normal(touch.contact.law.restitution())?.greatest_penetration(speed, mass)));

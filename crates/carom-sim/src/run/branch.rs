@@ -1,7 +1,7 @@
 //! The passage of a mechanism with loops through a pose at which it could branch: see `leap.rs`.
 
 use super::guarded::Guarded;
-use super::leap::{LEAST, Leap, NODES, PAST};
+use super::leap::{Leap, NODES, least};
 use super::leg::{Accuracy, pass};
 use super::run_state::Run;
 use super::sampler::Told;
@@ -10,13 +10,10 @@ use crate::error::SimError;
 use crate::motion::Lasting;
 use crate::state::{CLEAR, EXACT, Space};
 
-/// A start within this distance of a pose at which the mechanism could branch is refused, rad, or as a share of the length of the scene.
-const ASIDE: f64 = 1e-2;
-
 impl<A: Space> Run<'_, '_, A> {
     /// # Errors
     /// [`SimError::Branch`] at or near a pose at which the mechanism could branch: its loops have more independent rows, or are
-    /// much more regular, a little aside.
+    /// ten times as regular, a little aside: ten times what counts as near, in rad or lengths of the scene.
     pub fn refuse_branching_start(&mut self) -> Result<(), SimError> {
         if self.motion.couplings.is_empty() {
             return Ok(());
@@ -24,13 +21,14 @@ impl<A: Space> Run<'_, '_, A> {
         let (q, qd) = self.q_qd();
         let (here, rank) = (self.motion.regularity(&q)?, self.motion.rank);
         let scale = &self.motion.scale;
-        let aside: Vec<f64> =
-            (0..qd.len()).map(|k| scale.joint(k, ASIDE * scale.length) * (1.0 + 2.4 * k as f64).sin()).collect();
+        let aside: Vec<f64> = (0..qd.len())
+            .map(|k| scale.joint(k, 10.0 * least() * scale.length) * (1.0 + 2.4 * k as f64).sin())
+            .collect();
         let mut near = [self.motion.sim.chain.integrate(&q, &aside, 1.0)?, qd].concat();
         // A linkage that closes nowhere aside has no other branch there.
         let branches = self.motion.close_loops(&mut near).is_ok() && {
             let there = self.motion.regularity(&near[..q.len()])?;
-            self.motion.rank > rank || (here < LEAST && there > 10.0 * here)
+            self.motion.rank > rank || (here < least() && there > 10.0 * here)
         };
         if branches { Err(SimError::Branch { time: self.time }) } else { Ok(()) }
     }
@@ -50,7 +48,7 @@ impl<A: Space> Run<'_, '_, A> {
             return Err(failed);
         }
         // The rate of the regularity, from a moment before.
-        let moment = 0.1 * LEAST / speed;
+        let moment = 0.1 * least() / speed;
         let before = self.motion.sim.chain.integrate(&q, &qd, -moment)?;
         let rate = (self.motion.regularity(&before)? - here) / moment;
         let leap = 2.2 * here / rate;
@@ -67,7 +65,7 @@ impl<A: Space> Run<'_, '_, A> {
             short: false,
             patience: None,
         };
-        let (from, past) = (self.time, PAST * leap);
+        let (from, past) = (self.time, NODES as f64 * leap);
         let mut states = Vec::with_capacity(NODES);
         let mut flow = Guarded::new(&mut self.motion, (from, f64::INFINITY), &self.y)?;
         let (mut time, mut y) = (from, self.y.clone());

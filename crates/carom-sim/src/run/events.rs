@@ -16,14 +16,14 @@
 use super::guard::Ending;
 use super::guard::Guard;
 use super::guarded::Guarded;
-use super::leg::{Accuracy, LegEnd, PATIENCE, leg};
+use super::leg::{Accuracy, LegEnd, leg};
 use super::run_state::Run;
 use super::trajectory::{Event, EventKind, EventLoads, Sampling, Seen, StepReason, Summary};
 use crate::contact::Touch;
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
 use crate::motion::{Lasting, Near, NonUnique, is_reached};
-use crate::state::{ContactImpulse, EQUAL, ROUNDING, Space};
+use crate::state::{ContactImpulse, EQUAL, GROWTH, MAX_STEPS, ROUNDING, STEPS, Space};
 use carom_chain::urdf::JointType;
 
 impl<'a, 'w, A: Space> Run<'a, 'w, A> {
@@ -71,7 +71,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let Simulation { tolerance, max_step, integrator, .. } = *sim;
         let rigid = self.motion.active.lasting.iter().any(Lasting::is_rigid);
         let presses = self.motion.active.lasting.iter().any(|own| !own.is_rigid());
-        let patience = (rigid || presses).then_some(PATIENCE);
+        let patience = (rigid || presses).then_some(1);
         let implicit = std::mem::take(&mut self.history.implicit).filter(|_| rigid && !presses);
         let integrator = if implicit.is_some() { Integrator::Radau } else { integrator };
         let (first_step, short) = (self.history.step, self.history.short);
@@ -92,12 +92,13 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         if std::mem::take(&mut self.history.slip_goes_on) || self.history.follows_slips {
             flow.guards.retain(|guard| *guard != Guard::SlipEnds);
         }
-        let turns = match (rigid, presses) {
-            (_, true) => TURNS,
-            (true, false) => FEW_TURNS,
-            (false, false) => 0,
+        // Time steps go on with rigid contacts alone.
+        let patient = |turn: u32, patience: Option<usize>| match patience {
+            Some(times) if presses => STEPS * times < MAX_STEPS,
+            Some(_) => turn < TURNS,
+            None => false,
         };
-        let (mut next, mut turn) = (implicit.map(|span| LONGER * span), 0);
+        let (mut next, mut turn) = (implicit.map(|span| GROWTH * span), 0);
         let LegEnd { time, y, fired, stalled, step, short } = loop {
             match leg(&mut flow, self.time, &self.y, until, accuracy, &mut self.history.statistics, &mut self.sampler) {
                 Err(SimError::Chain(_)) if accuracy.first_step.is_some() => accuracy.first_step = None,
@@ -108,7 +109,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                     }
                     until = earlier;
                 }
-                Ok(LegEnd { time, y, stalled: Some(_), .. }) if turn < turns => {
+                Ok(LegEnd { time, y, stalled: Some(_), .. }) if patient(turn, accuracy.patience) => {
                     let moved = time > self.time;
                     (self.time, self.y) = (time, y);
                     if implicit.is_some() && moved {
@@ -119,9 +120,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                         Integrator::DormandPrince => Integrator::Radau,
                     };
                     turn += 1;
-                    accuracy.patience = patience.map(|steps| steps * 4_usize.pow(turn / 2));
-                    until = if presses { until } else { until.min(self.time + TURNING * max_step) };
-                    next = (accuracy.integrator == Integrator::Radau).then_some(LONGER * TURNING * max_step);
+                    accuracy.patience = patience.map(|_| (GROWTH as usize).pow(turn / 2));
+                    until = if presses { until } else { until.min(self.time + max_step / GROWTH) };
+                    next = (accuracy.integrator == Integrator::Radau).then_some(max_step);
                 }
                 done => break done?,
             }
@@ -237,14 +238,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     }
 }
 
-/// The explicit and the implicit integrator take turns at most so often in one leg with compliant contacts.
-const TURNS: u32 = 20;
-/// The same for legs without compliant contacts, which time steps can go on with.
-const FEW_TURNS: u32 = 4;
-/// Share of the longest step for which a stiff mode is integrated implicitly first.
-const TURNING: f64 = 0.1;
-/// The factor by which the time is longer in which it is integrated implicitly next.
-const LONGER: f64 = 8.0;
+/// The explicit and the implicit integrator take turns at most so often in one leg with rigid contacts alone.
+const TURNS: u32 = 4;
 
 /// The unit of a touch's gap.
 fn unit(sim: &Simulation, touch: &Touch) -> &'static str {

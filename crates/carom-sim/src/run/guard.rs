@@ -3,7 +3,7 @@
 //! ([`Run::guard_fired`]).
 
 use super::history::Class;
-use super::leap::LEAST;
+use super::leap::least;
 use super::run_state::Run;
 use super::trajectory::{EventKind, StepReason};
 use crate::contact::{Passing, Placed};
@@ -212,7 +212,7 @@ pub(crate) fn look<A: Space>(
     let admissible = if guards.contains(&Guard::Admissible) { motion.margin(time, y)? } else { 0.0 };
     let (noise, starts) = (motion.noise(), motion.starts());
     let (q, qd) = motion.split(y);
-    let regular = if guards.contains(&Guard::Branches) { motion.regularity(q)? - LEAST } else { 0.0 };
+    let regular = if guards.contains(&Guard::Branches) { motion.regularity(q)? - least() } else { 0.0 };
     let now = Now { regular, active: &motion.active, held, admissible, slip_left, noise, starts, scale: &motion.scale };
     let view = View::new(motion.model, &mut motion.workspace, q)?;
     let mut last = None;

@@ -4,14 +4,9 @@ use super::flow::Flow;
 use super::guard::{Guard, GuardValue, Is, look, passing};
 use super::sampler::Told;
 use crate::error::SimError;
-use crate::motion::{ConstraintForces, Lasting, Motion};
-use crate::state::{Space, View};
+use crate::motion::{ConstraintForces, LEVER, Lasting, Motion};
+use crate::state::{CLEAR, Space, View};
 use std::ops::Range;
-
-/// Parts whose gap is at most this many times the least overlap may have caused it.
-const FEW: f64 = 100.0;
-/// Share of the slowest slip by which velocities are moved for difference quotients.
-const FINE: f64 = 1e-3;
 
 /// A motion with the guards of its present contact mode.
 pub(crate) struct Guarded<'m, 'a, A: Space> {
@@ -101,7 +96,10 @@ impl<A: Space> Flow for Guarded<'_, '_, A> {
         // The rate depends on the direction of slip: below the size of the slip it is linear.
         let slip = self.motion.slowest_slip(time.min(self.latest), y)?.max(self.motion.noise());
         let scale = &self.motion.scale;
-        out[nq..nq + nv].iter_mut().enumerate().for_each(|(v, step)| *step = step.min(scale.joint(v, FINE * slip)));
+        out[nq..nq + nv]
+            .iter_mut()
+            .enumerate()
+            .for_each(|(v, step)| *step = step.min(scale.joint(v, CLEAR.sqrt() * slip)));
         Ok(())
     }
 
@@ -147,7 +145,8 @@ impl<A: Space> Flow for Guarded<'_, '_, A> {
             Guard::Gap(touch) => self.motion.sim.touches[*touch].is_part(),
             _ => false,
         };
-        let closed = |value: &GuardValue| value.value.abs() <= FEW * slack && value.rate.is_some_and(|rate| rate < 0.0);
+        let closed =
+            |value: &GuardValue| value.value.abs() <= LEVER * slack && value.rate.is_some_and(|rate| rate < 0.0);
         let parts =
             self.guards.iter().zip(&found).enumerate().filter(|(_, (guard, gap))| of_parts(guard) && closed(gap));
         Ok(parts.min_by(|a, b| a.1.1.value.abs().total_cmp(&b.1.1.value.abs())).map(|(k, _)| k))

@@ -75,8 +75,8 @@ impl Class {
     }
 }
 
-/// Too many impacts within this number of Zeno times do not accumulate.
-const TAIL: f64 = 10.0;
+/// Too many impacts within this number of Zeno times do not accumulate; slower than a fall of this time they are slow.
+pub(crate) const TAIL: f64 = 10.0;
 
 impl History {
     /// Counts an event; the time since the first of its class that counts, if there were so many.

@@ -9,32 +9,22 @@
 //!
 //! - u⁺ > 0 and no accumulation: it opens.
 //! - a > 0, r < 1 and remaining time 2u⁺/(a(1−r)) below [`Simulation::zeno_time`](crate::Simulation::zeno_time): the infinitely
-//!   many impacts within that time are replaced by their limit (`zeno`), after which the contact lasts. So are bounces of less than
-//!   [`LOWEST`]. For a pendulum that hits a wall at its lowest point a = 0: its impacts never accumulate, and all are computed.
+//!   many impacts within that time are replaced by their limit (`zeno`), after which the contact lasts. So are bounces whose
+//!   height is below the tolerance. For a pendulum that hits a wall at its lowest point a = 0: its impacts never accumulate, and all are computed.
 //! - u⁺ = 0: it lasts if the accelerations press it.
 
-use super::history::Class;
+use super::history::{Class, TAIL};
 use super::run_state::Run;
 use super::trajectory::{EventKind, StepReason};
-use crate::contact::{Compliance, SeveralLaw, friction_bound};
+use crate::contact::{SeveralLaw, friction_bound};
 use crate::error::SimError;
 use crate::impact::ChainImpact;
 use crate::motion::{Candidate, Hold, Lasting, Motion, Near, direction_of_slip, push};
-use crate::state::{ContactImpulse, EQUAL, EXACT, ROUNDING, Space};
+use crate::state::{CLEAR, ContactImpulse, EQUAL, EXACT, ROUNDING, Space};
 use carom_chain::algebra::z_onto;
 use carom_contact::Met;
 use carom_impact::{Flags, Frictionless, ImpactProblem, Law};
 use nalgebra::Vector3;
-
-/// Motion, as a share of the length of the scene, over which the change of the margin of a contact point is taken.
-const SHORT: f64 = 1e-7;
-/// Least height of a bounce, in units of the rounding of gaps, where the tolerance allows no greater one: without bounces of that height
-/// positions are in error by them.
-const LOWEST: f64 = 20.0;
-/// Longest time for which lower ones are passed, as a share of that of the scene: the error of this step is of third order.
-const LONGEST: f64 = 3e-4;
-/// Impacts count as slow up to the speed of a fall of this number of Zeno times.
-const SLOW: f64 = 10.0;
 
 /// A touch after an impact.
 pub(crate) struct Struck {
@@ -105,7 +95,7 @@ impl<A: Space> Run<'_, '_, A> {
         if here > 2.0 * Met::OUTSIDE || self.motion.active.speed == 0.0 {
             return Ok(false);
         }
-        let back = SHORT * self.motion.scale.length / self.motion.active.speed;
+        let back = CLEAR * self.motion.scale.length / self.motion.active.speed;
         let earlier = sim.chain.integrate(&q, &qd, -back)?;
         Ok(one.at(&self.motion.view(&earlier)?, &earlier, self.time - back).margin > here)
     }
@@ -153,7 +143,7 @@ impl<A: Space> Run<'_, '_, A> {
         };
         let (way, scale) = (self.motion.active.speed * since, self.motion.scale.clone());
         let fast = way <= (Class::Impact.many() - 1) as f64 * EQUAL * scale.length;
-        let slow = SLOW * sim.gravity.norm().max(scale.acceleration()) * sim.zeno_time;
+        let slow = TAIL * sim.gravity.norm().max(scale.acceleration()) * sim.zeno_time;
         let mut swarm = Vec::new();
         for (touch, (gap, rate)) in self.gaps()? {
             let rigid = sim.touches[touch].contact.compliance.is_none();
@@ -185,7 +175,7 @@ impl<A: Space> Run<'_, '_, A> {
         let (Some(compliance), Some(_)) = (one.contact.compliance, one.link()) else { return Ok(false) };
         let (_, approach) = self.gap(touch)?;
         let (q, _) = self.q_qd();
-        let speed = (-approach).max(Compliance::SLOWEST);
+        let speed = (-approach).max(self.motion.scale.slowest());
         let law = compliance.normal(one.contact.law.restitution())?;
         let mass = self.motion.effective_mass(touch, &q, self.time)?;
         let depth = law.greatest_penetration(speed, mass);
@@ -207,7 +197,7 @@ impl<A: Space> Run<'_, '_, A> {
         let Some(compliance) = rule.compliance else { return Ok(0.0) };
         let (q, _) = self.q_qd();
         let mass = self.motion.effective_mass(touch, &q, self.time)?;
-        Ok(compliance.normal(rule.law.restitution())?.damping(approach.max(Compliance::SLOWEST), mass))
+        Ok(compliance.normal(rule.law.restitution())?.damping(approach.max(self.motion.scale.slowest()), mass))
     }
 
     /// The beginning of a compliant contact.
@@ -408,12 +398,13 @@ impl<A: Space> Run<'_, '_, A> {
             // A contact that lasted has an approach velocity of the size of rounding, of either sign.
             let share = if one.approach < -self.motion.rest_of(one.touch) { rebound / -one.approach } else { 0.0 };
             let remaining = 2.0 * rebound / (toward * (1.0 - share));
-            // Bounces that are not higher than what counts as closed cannot be told from rounding.
+            // Bounces that are not higher than the tolerance, or cannot be told from rounding. The error of the step over them is of third
+            // order.
             let Motion { sim, scale, .. } = &self.motion;
-            let lowest = (LOWEST * scale.rounding()).max(sim.tolerance * scale.reach) * scale.per_touch[one.touch];
+            let lowest = (20.0 * scale.rounding()).max(sim.tolerance * scale.reach) * scale.per_touch[one.touch];
             let (longest, flat) = (sim.zeno_time, rebound * rebound < 2.0 * toward * lowest);
             if toward > 0.0 && share < 1.0 && (remaining < longest || flat) {
-                left = left.max(remaining.min(longest.max(LONGEST / scale.pace)));
+                left = left.max(remaining.min(longest.max(EXACT.cbrt() / scale.pace)));
                 ending.push(leaving.swap_remove(k).touch);
             }
         }

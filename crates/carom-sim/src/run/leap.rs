@@ -3,24 +3,27 @@
 //! At a flat four-bar linkage the rows of its loop depend on each other. The motion through this pose is smooth: the mechanism
 //! stays on its branch by its inertia, with forces that stay finite. But near the pose they are quotients of small numbers,
 //! and an error of the state is amplified by the reciprocal of the [regularity](crate::state::Loops::regularity) r. So the
-//! pose is not integrated through: where r falls below [`LEAST`], the motion is continued by the polynomial through its past
+//! pose is not integrated through: where r falls below [`least`], the motion is continued by the polynomial through its past
 //! to the time at which r has the same value on the other side, and then the loops are closed there.
 //!
-//! The past are [`NODES`] states at the Chebyshev points of a time [`PAST`] times as long as the leap, integrated backwards from
-//! its start, away from the pose. A polynomial of degree n−1 in these points amplifies their errors by T₍ₙ₋₁₎(1 + 2/PAST),
+//! The past are n = [`NODES`] states at the Chebyshev points of a time n times as long as the leap, integrated backwards from
+//! its start, away from the pose. A polynomial of degree n−1 in these points amplifies their errors by T₍ₙ₋₁₎(1 + 2/n),
 //! about 140 (Trefethen, *Approximation Theory and Approximation Practice*, chapter 15, for the growth beyond the interval).
 //!
 //! A run, or an advance of a session, that ends within a leap ends with the state of the polynomial; the leap is part of what
 //! it continues from. Forces that are set or jump within a leap act from its end on.
 
+use crate::state::CLEAR;
 use std::f64::consts::PI;
 
-/// The regularity below which the loops count as near a branching pose.
-pub(crate) const LEAST: f64 = 1e-3;
-/// Number of states of the past.
+/// Number of states of the past, and its length in lengths of the leap.
 pub(crate) const NODES: usize = 10;
-/// Length of the past, in lengths of the leap.
-pub(crate) const PAST: f64 = 10.0;
+
+/// The regularity, the sine of an angle, below which the loops count as near a branching pose: the pivots of their rows, its squares, are
+/// then no longer clear.
+pub(crate) fn least() -> f64 {
+    CLEAR.sqrt()
+}
 
 /// See the head of this module.
 #[derive(Debug, Clone)]

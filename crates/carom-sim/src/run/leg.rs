@@ -8,7 +8,7 @@
 //!
 //! **Short legs.** The method of order 8 evaluates the motion 12 times in a step and 3 times for its dense output, which allows long
 //! steps; where events end legs after few of them, order 5 with 6 evaluations for both is cheaper. A leg after a short one begins with
-//! order 5, and goes on with order 8 after [`FEW`] steps.
+//! order 5, and goes on with order 8 after 20 steps. Its dense output is of order 4, so that it serves tolerances from [`EQUAL`] on.
 
 use super::flow::{Flow, System};
 use super::guard::GuardValue;
@@ -17,26 +17,10 @@ use super::sampler::Sampler;
 use super::trajectory::Statistics;
 use crate::error::{SimError, ended};
 use crate::model::Integrator;
-use crate::state::ROUNDING;
+use crate::state::{EQUAL, MAX_STEPS, ROUNDING, STEPS};
 use ivp::matrix::MatrixStorage;
 use ivp::methods::{DOP853, DOPRI5, RADAU};
 use ivp::status::Status;
-
-/// Legs that need more steps than this fail.
-const MAX_STEPS: usize = 10_000_000;
-/// Number of steps after which a leg with a fallback is first examined for stiffness, at its first attempt: slow slip that stays slow needs
-/// hundreds. It grows with the square of [`Accuracy::patience`].
-const STIFF_TEST: usize = 50;
-/// Corrections of the time of an event below this share of the step are made by the midpoint rule: its error, of third order, is below
-/// rounding as a share of the change of the state within the step.
-const CLOSE: f64 = 1e-5;
-/// Order 5 is used at tolerances from this on: its dense output is of order 4.
-const COARSE: f64 = 1e-9;
-/// The most steps of order 5 in a leg, and the most steps of order 8 in a short one.
-const FEW: usize = 20;
-const SHORT_LEG: usize = 6;
-/// [`Accuracy::patience`] of the first attempt.
-pub(crate) const PATIENCE: usize = 60;
 
 /// The end of a leg.
 #[derive(Debug, Clone)]
@@ -59,8 +43,9 @@ pub(crate) struct Accuracy {
     pub tolerance: f64,
     pub max_step: f64,
     pub integrator: Integrator,
-    /// Maximal ratio of the number of steps to the number of steps of maximal length, for a leg that may end early, where it is
-    /// stiff: the caller then has a fallback.
+    /// Of a leg that may end early, where it is stiff, because the caller then has a fallback: it takes up to this number times [`STEPS`]
+    /// steps for each of maximal length, and is first examined for stiffness after its square times as many. Slow slip that stays slow needs
+    /// hundreds.
     pub patience: Option<usize>,
     /// Length of the first step, s. Without it the integrator guesses it from the rate of the state at two places, which is too long
     /// by orders of magnitude where slip is slow.
@@ -71,7 +56,7 @@ pub(crate) struct Accuracy {
 
 /// How an integration ended.
 struct Ended {
-    /// Whether the method of order 5 has taken [`FEW`] steps and stopped before the end.
+    /// Whether the method of order 5 has stopped before the end, after 20 steps.
     paused: bool,
     /// The length of the next step, s.
     step: f64,
@@ -101,7 +86,8 @@ pub(crate) fn leg(
             ended = integrate(&system, start, &y, end, accuracy, statistics, &mut observer);
             false
         }
-        _ => accuracy.tolerance >= COARSE && (accuracy.short || statistics.steps <= steps + SHORT_LEG),
+        // Order 8 takes a third of the steps of order 5.
+        _ => accuracy.tolerance >= EQUAL && (accuracy.short || statistics.steps <= steps + STEPS / 9),
     };
     let (stalled, step) = match ended {
         Err(SimError::Integration { reason, .. }) => (Some(reason), None),
@@ -138,7 +124,8 @@ fn refine(
     for _ in 0..8 {
         // A step must not be shorter than the rounding of the time.
         if time - start > ROUNDING * time.abs() {
-            if correction.abs() <= CLOSE * (time - start) {
+            // By the midpoint rule, where its error, of third order, is below rounding.
+            if correction.abs() <= ROUNDING.cbrt() * (time - start) {
                 statistics.evaluations += 2;
                 exact = system.midpoint((time - correction, &exact), correction)?;
             } else {
@@ -194,9 +181,8 @@ fn integrate(
 ) -> Result<Ended, SimError> {
     let failed = |reason: String| SimError::Integration { time: start, reason };
     let longest = accuracy.max_step.min((end - start).abs());
-    // Legs with a fallback end after few steps: a smooth leg needs some hundreds.
     let longest_steps = 1 + ((end - start).abs() / longest) as usize;
-    let max_steps = accuracy.patience.map_or(MAX_STEPS, |steps| MAX_STEPS.min(steps * longest_steps));
+    let max_steps = accuracy.patience.map_or(MAX_STEPS, |times| MAX_STEPS.min(STEPS * times * longest_steps));
     // One tolerance for each component: Radau of ivp 0.6 converts a tolerance in place once for each component, which makes
     // a scalar tolerance 1e-3 whatever it was.
     let mut absolute = system.0.borrow().flow.units(y.len());
@@ -213,15 +199,17 @@ fn integrate(
                         .max_step(longest)
                         .maybe_first_step(first)
                         .dense_output(dense)
-                        .stiff_test(
-                            accuracy.patience.map_or(usize::MAX, |steps| STIFF_TEST * (steps / PATIENCE).pow(2)),
-                        )
+                        .stiff_test(accuracy.patience.map_or(usize::MAX, |times| STEPS * times.pow(2)))
                         .max_steps($max_steps)
                         .build()
                         .solve(system, start, y, end, relative, absolute, Some(observer))
                 };
             }
-            if accuracy.short { solve!(DOPRI5, if dense { FEW } else { max_steps }) } else { solve!(DOP853, max_steps) }
+            if accuracy.short {
+                solve!(DOPRI5, if dense { STEPS / 3 } else { max_steps })
+            } else {
+                solve!(DOP853, max_steps)
+            }
         }
         Integrator::Radau => {
             // Radau of ivp 0.6 compares every step with the end but the first, which is 1e-6 s long by default.

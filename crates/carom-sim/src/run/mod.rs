@@ -1,9 +1,24 @@
 //! The run of a simulation from event to event, and its results.
 
+/// Evaluates an expression with the algebra and the model of a simulation: in the plane, if its planar chain is given, or in space.
+macro_rules! in_its_space {
+    ($sim:expr, $flat:expr, |$A:ident, $model:ident| $what:expr) => {
+        match $flat {
+            Some($model) => {
+                type $A = carom_chain::Planar<f64>;
+                $what
+            }
+            None => {
+                type $A = carom_chain::Spatial<f64>;
+                let $model = &$sim.chain;
+                $what
+            }
+        }
+    };
+}
+
 mod branch;
-mod checkpoint;
 mod crossing;
-mod differences;
 mod events;
 mod flow;
 mod guard;

@@ -24,30 +24,16 @@ use super::flow::System;
 use super::guard::GuardValue;
 use super::sampler::{Sampler, Step};
 use super::trajectory::Segment;
+use crate::state::{EQUAL, ROUNDING, STEPS};
 use carom_impact::roots::descent;
 use ivp::dense::StepInterpolant;
 use ivp::solout::{ControlFlag, SolOut};
 
-/// The gap of two bodies is examined in up to 2 to this power parts of a step.
-const HALVINGS: usize = 6;
-/// The same where it is closed at the end, to find whether it closes before.
-const FEW_HALVINGS: usize = 2;
-/// Bodies that touch are examined for an overlap whenever they have turned by this relative to each other, rad, and so many times in
-/// a step at most.
-const TURN: f64 = 0.05;
-const MOST_PARTS: f64 = 32.0;
-/// Times within a step at which a gap is examined whose parts have passed each other at its end.
-const PROBES: usize = 16;
-/// A guard may be below its level within a step where its change by its curvature, times this and the square of the step, reaches down to
-/// it: a parabola falls by an eighth of it below its ends.
-const DIP: f64 = 0.5;
-/// A guard is near its level at the start of a leg if it is below this share of its value after the first step.
-const NEAR: f64 = 0.1;
-/// The error of the minimum of a parabola, as a share of its curvature times the square of the distance of its points.
-const MISS: f64 = 0.02;
-const PARABOLAS: usize = 6;
-/// A gap that is below zero by more than this number of its hystereses at its root on the dense output has jumped.
-const JUMP: f64 = 1e4;
+/// A step is examined in up to this number of parts, a power of two.
+const PARTS: usize = 64;
+/// What is near: a guard that is this share of its change within a step above its level, and of its change by its curvature where it is least;
+/// bodies that touch and have turned by this angle relative to each other, rad.
+const NEAR: f64 = 0.05;
 
 /// A guard that fired within a step.
 pub(crate) struct Crossing {
@@ -184,7 +170,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         if before <= 0.0 {
             return None; // they did so before
         }
-        let parts = (turning * (end - start) / TURN).ceil().clamp(1.0, MOST_PARTS);
+        let parts = (turning * (end - start) / NEAR).ceil().clamp(1.0, PARTS as f64);
         let mut from = start;
         for part in 1..=parts as usize {
             let to = if part as f64 == parts { end } else { start + (end - start) * part as f64 / parts };
@@ -216,7 +202,8 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
             let values = gaps.iter().map(|&k| (it.at(k, time, dense).value, k));
             values.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, k))
         };
-        if !gaps.contains(&k) || self.at(k, time, dense).value > -JUMP * self.before[k].least() {
+        // A gap has jumped that does not count as closed at its root on the dense output; its hysteresis is rounding.
+        if !gaps.contains(&k) || self.at(k, time, dense).value > -EQUAL / ROUNDING * self.before[k].least() {
             return ((time, level), k);
         }
         let (first, _) = least(self, start);
@@ -227,7 +214,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
 
     /// The first time in the step at which a guard fires, and the level at which it does. A gap of two bodies is a minimum of many
     /// functions, and may close and open again within a step in several places: the step is divided as long as the velocities of the
-    /// bodies allow it, [`HALVINGS`] times at most.
+    /// bodies allow it, into [`PARTS`] at most; into fewer where it is closed at the end of one.
     fn first(
         &mut self,
         k: usize,
@@ -237,7 +224,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
     ) -> Option<(f64, f64)> {
         let (before, level) = (self.before[k], self.levels[k]?);
         let bounds = before.passing.zip(after.passing).map(|(own, other)| own.bounds(&other, end - start));
-        self.within(Part { k, level, start, end, before, after }, bounds, HALVINGS, dense)
+        self.within(Part { k, level, start, end, before, after }, bounds, PARTS, dense)
     }
 
     /// [`Self::first`] in a part of the step. `bounds`: of the rate and the curvature of the gap.
@@ -245,11 +232,11 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         &mut self,
         part: Part,
         bounds: Option<[f64; 2]>,
-        halvings: usize,
+        parts: usize,
         dense: &StepInterpolant,
     ) -> Option<(f64, f64)> {
         let Part { k, level, start, end, before, after } = part;
-        let (Some(bound), true) = (bounds, halvings > 0 && before.value > level) else {
+        let (Some(bound), true) = (bounds, parts > 1 && before.value > level) else {
             return self.root(part, dense);
         };
         if after.value > level && stays_above(&part, bound) {
@@ -257,7 +244,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         }
         let middle = 0.5 * (start + end);
         let between = self.at(k, middle, dense);
-        let rest = if after.value > level { halvings - 1 } else { (halvings - 1).min(FEW_HALVINGS) };
+        let rest = if after.value > level { parts / 2 } else { (parts / 2).min(4) };
         let first = self.within(Part { end: middle, after: between, ..part }, bounds, rest, dense);
         let level = if between.value > between.least() { 0.0 } else { level };
         first.or_else(|| self.within(Part { level, start: middle, before: between, ..part }, bounds, rest, dense))
@@ -305,7 +292,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         if !after.is_gap || after.value.is_finite() || !closing {
             return None;
         }
-        let times = (1..PROBES).map(|i| start + (end - start) * i as f64 / PROBES as f64);
+        let times = (1..PARTS).map(|i| start + (end - start) * i as f64 / PARTS as f64);
         times.map(|time| (time, self.at(k, time, dense).value)).find(|(_, value)| *value <= level)
     }
 
@@ -316,10 +303,11 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
             return None;
         }
         let (first, last, span) = (before.value - level, after.value - level, end - start);
+        // Its change by its curvature is ½ ẅ t², and a parabola falls by a quarter of it below its ends.
         let may_dip = match &self.earlier {
             Some((length, values)) => {
                 let bend = 2.0 * ((last - first) / span - (before.value - values[k]) / length) / (span + length);
-                first.min(last) <= DIP * bend * span * span
+                first.min(last) <= 0.5 * bend * span * span
             }
             // In the first step of a leg from near the level, the guard may fall at first.
             None => first <= NEAR * last,
@@ -333,14 +321,14 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
             return Some((middle, points[1].1 + level));
         }
         // The minimum of the parabola through three points, again and again.
-        for _ in 0..PARABOLAS {
+        for _ in 0..STEPS {
             let [(x, f), (y, g), (z, h)] = points;
             let (slope, next) = ((g - f) / (y - x), (h - g) / (z - y));
             let curvature = (next - slope) / (z - x);
             let lowest = 0.5 * (x + y - slope / curvature);
             let least = f + (lowest - x) * (slope + curvature * (lowest - y));
             let inside = start < lowest && lowest < end && ![x, y, z].contains(&lowest);
-            if !(curvature > 0.0 && inside && least <= MISS * curvature * (z - x) * (z - x)) {
+            if !(curvature > 0.0 && inside && least <= NEAR * curvature * (z - x) * (z - x)) {
                 return None;
             }
             let value = self.at(k, lowest, dense).value - level;

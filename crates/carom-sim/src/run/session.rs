@@ -1,7 +1,6 @@
 //! A simulation as an object that a control loop drives.
 
-use super::checkpoint::Checkpoint;
-use super::run_state::Run;
+use super::run_state::{Checkpoint, Run};
 use super::trajectory::{EnergyBooks, Event, Sampling, Seen, StopReason, Summary};
 use crate::contact::ContactMode;
 use crate::error::SimError;
@@ -9,7 +8,19 @@ use crate::model::{Drive, Simulation};
 use crate::motion::{ContactState, Motion};
 use crate::plan::Plan;
 use crate::state::{Moment, Space};
-use carom_chain::{Chain, Planar, PlanarChain, Spatial};
+use carom_chain::{Chain, PlanarChain};
+
+/// Asks a run that stands where the session does.
+macro_rules! ask {
+    ($session:expr, |$run:ident| $question:expr) => {{
+        let (sim, checkpoint, ignore) = (&$session.simulation, $session.state.checkpoint.clone(), &mut |_: Seen| {});
+        in_its_space!(sim, &$session.flat, |A, model| {
+            let motion = Motion::<A>::new(sim, model);
+            let $run = &mut Run::resume(motion, checkpoint, Sampling::default(), ignore);
+            $question
+        })
+    }};
+}
 
 /// A simulation that is advanced piece by piece: a control loop reads state and contacts, sets joint forces and advances.
 ///
@@ -121,7 +132,7 @@ impl Session {
     /// # Errors
     /// [`SimError`] of the computation of forces.
     pub fn contacts(&self) -> Result<Vec<ContactState>, SimError> {
-        self.ask(|run| run.contacts(), |run| run.contacts())
+        ask!(self, |run| run.contacts())
     }
 
     /// The forces of the motors now, after their limits, under the drive that was set last: length nv; N m, N.
@@ -130,7 +141,7 @@ impl Session {
     /// [`SimError`] of the drive.
     pub fn motor_forces(&self) -> Result<Vec<f64>, SimError> {
         let Checkpoint { time, y, .. } = &self.state.checkpoint;
-        self.ask(|run| run.motion.motor_forces(*time, y), |run| run.motion.motor_forces(*time, y))
+        ask!(self, |run| run.motion.motor_forces(*time, y))
     }
 
     /// The energy balance since the start of the session.
@@ -138,8 +149,7 @@ impl Session {
     /// # Errors
     /// [`SimError`] of the computation of energies.
     pub fn energy(&self) -> Result<EnergyBooks, SimError> {
-        let start = self.state.start;
-        self.ask(|run| run.books(start), |run| run.books(start))
+        ask!(self, |run| run.books(self.state.start))
     }
 
     /// Replaces the drive, also that after an impact, by constant joint forces (length nv; N m, N).
@@ -211,8 +221,7 @@ impl Session {
     /// # Errors
     /// [`SimError`] of the computation of forces and energies.
     pub fn summary(&self, stop: StopReason) -> Result<Summary, SimError> {
-        let start = self.state.start;
-        self.ask(|run| run.summary(start, stop), |run| run.summary(start, stop))
+        ask!(self, |run| run.summary(self.state.start, stop))
     }
 
     /// The state, for [`Session::restore`].
@@ -279,34 +288,17 @@ impl Session {
         }
         let go = (self.time() + duration, self.state.changed, to_event);
         let (sim, checkpoint) = (&self.simulation, self.state.checkpoint.clone());
-        let (stop, checkpoint) = match &self.flat {
-            Some(model) => advance::<Planar<f64>>(sim, model, checkpoint, go, sampling, watch)?,
-            None => advance::<Spatial<f64>>(sim, &sim.chain, checkpoint, go, sampling, watch)?,
-        };
+        let advanced =
+            in_its_space!(sim, &self.flat, |A, model| advance::<A>(sim, model, checkpoint, go, sampling, watch));
+        let (stop, checkpoint) = advanced?;
         self.state = SessionState { checkpoint, start: self.state.start, pending: Vec::new(), changed: false };
         Ok(stop)
-    }
-
-    /// Asks a run that checkpoints where the session does.
-    fn ask<T>(
-        &self,
-        planar: impl FnOnce(&mut Run<Planar<f64>>) -> Result<T, SimError>,
-        spatial: impl FnOnce(&mut Run<Spatial<f64>>) -> Result<T, SimError>,
-    ) -> Result<T, SimError> {
-        let (sim, checkpoint, ignore) = (&self.simulation, self.state.checkpoint.clone(), &mut |_: Seen| {});
-        match &self.flat {
-            Some(model) => planar(&mut Run::resume(Motion::new(sim, model), checkpoint, Sampling::default(), ignore)),
-            None => spatial(&mut Run::resume(Motion::new(sim, &sim.chain), checkpoint, Sampling::default(), ignore)),
-        }
     }
 }
 
 fn begin(simulation: &Simulation, flat: Option<&PlanarChain>, q: &[f64], qd: &[f64]) -> Result<SessionState, SimError> {
     simulation.check(q, qd, 1.0, None)?;
-    match flat {
-        Some(model) => start::<Planar<f64>>(simulation, model, q, qd),
-        None => start::<Spatial<f64>>(simulation, &simulation.chain, q, qd),
-    }
+    in_its_space!(simulation, flat, |A, model| start::<A>(simulation, model, q, qd))
 }
 
 fn start<A: Space>(sim: &Simulation, model: &A::Model, q: &[f64], qd: &[f64]) -> Result<SessionState, SimError> {

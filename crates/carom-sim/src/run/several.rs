@@ -14,20 +14,12 @@ use super::run_state::Run;
 use super::trajectory::EventKind;
 use crate::contact::SeveralLaw;
 use crate::error::SimError;
-use crate::motion::{Constraints, Lasting, Level, push};
+use crate::motion::{ACCURACY, Constraints, Lasting, Level, push};
 use crate::state::{CLEAR, EQUAL, EXACT, Space};
 use carom_chain::Rows;
 use carom_impact::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
 use nalgebra::DVector;
 
-/// Accuracy of the impulses of an impact.
-const ACCURACY: Accuracy = Accuracy { tolerance: EXACT, max_iterations: 5000 };
-/// The approach velocity of an impact without collision, as a share of the largest velocity of the contacts.
-const VANISHING: f64 = 1e-8;
-/// Such an impact jumps by more than this share; contacts that do not jam, by some multiple of the approach velocity.
-const FINITE: f64 = 1e-4;
-/// It is solved to this share of the approach velocity.
-const SETTLED: f64 = 1e-2;
 impl<A: Space> Run<'_, '_, A> {
     /// Impulses by the law of several contacts, with these laws of the rows.
     pub fn solve(
@@ -98,8 +90,8 @@ impl<A: Space> Run<'_, '_, A> {
         Err(SimError::Squeezed { time: self.time, touches: names.collect::<Vec<_>>().join(", "), speed: fastest })
     }
 
-    /// An impact without collision of several closed touches (Painlevé): the limit of the law's outcome for vanishing approach velocities.
-    /// `false` if it has no finite impulses: no contact jams.
+    /// An impact without collision of several closed touches (Painlevé): the limit of the law's outcome for vanishing approach velocities,
+    /// from approach velocities that are a tie. `false` if no contact jams: then all jump by some multiple of them, and not clearly.
     pub fn several_without_collision(&mut self, closed: &[usize]) -> Result<bool, SimError> {
         let before = self.y.clone();
         let (sim, rest, (_, qd)) = (self.motion.sim, self.motion.rest(), self.q_qd());
@@ -109,14 +101,14 @@ impl<A: Space> Run<'_, '_, A> {
         if speed <= rest || self.history.count(Class::Jam, self.time) == Some(0.0) {
             return Ok(false);
         }
-        table.contacts.iter().for_each(|contact| u[contact.rows.end - 1] = -VANISHING * speed);
+        table.contacts.iter().for_each(|contact| u[contact.rows.end - 1] = -EQUAL * speed);
         let laws = table.laws(sim, &[], 1.0, Some(&u));
         let solved = self.solve((&table, &responses, laws), [&u, &u], (sim.several, &ACCURACY), None);
         let Ok(outcome) = solved else { return Ok(false) };
         let mut jump = vec![0.0; qd.len()];
         push(&mut jump, &responses, outcome.impulse.as_slice());
-        let finite = (0..table.rows.len()).any(|i| table.rows.dot(i, &jump).abs() > FINITE * speed);
-        if !finite || outcome.residual > SETTLED * VANISHING {
+        let finite = (0..table.rows.len()).any(|i| table.rows.dot(i, &jump).abs() > CLEAR * speed);
+        if !finite || outcome.residual > EXACT {
             return Ok(false);
         }
         let residual = outcome.residual;

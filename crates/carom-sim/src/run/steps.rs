@@ -33,32 +33,23 @@ use super::trajectory::{EventKind, StepReason};
 use crate::contact::{ContactMode, SeveralLaw, Touch};
 use crate::error::SimError;
 use crate::motion::{
-    Constraints, Contact, ContactState, Dry, Hold, Lasting, Level, Loads, Motion, Near, is_reached, push,
+    ACCURACY, Constraints, Contact, ContactState, Dry, Hold, Lasting, Level, Loads, Motion, Near, is_reached, push,
 };
-use crate::state::{CLEAR, EQUAL, EXACT, Loops, Space, View};
+use crate::state::{CLEAR, EQUAL, EXACT, GROWTH, Loops, Space, View};
 use carom_chain::{ChainError, Rows};
 use carom_impact::{Accuracy, Constraint, Flags};
 use nalgebra::{Cholesky, DVector, Dyn, Vector3};
 
 /// Accuracy of the impulses of a time step: far below the error of time stepping.
-const ACCURACY: Accuracy = Accuracy { tolerance: 1e-10, max_iterations: 5000 };
-/// Contacts that are not divided into points are computed by at least this number of steps of full length.
-const OPEN_STEPS: f64 = 10.0;
-/// After at most this number of steps of full length a consistent mode is looked for.
+const STEP_ACCURACY: Accuracy = Accuracy { tolerance: 1e-10, ..ACCURACY };
+/// After at most this number of steps of full length a consistent mode is looked for; after this number without motion the chain is at rest.
 const WAIT: f64 = 20.0;
-/// Stretches of time steps become longer where the events between them last less than this number of stretches.
-const BETWEEN: f64 = 256.0;
-/// After this number of steps of full length without motion the chain is at rest.
-const STILL_STEPS: f64 = 20.0;
 /// The error of a step that is accepted, as a multiple of the square root of the tolerance.
 const SHARE: f64 = 0.01;
-/// The full length over the shortest.
+/// The full length over the shortest. Stretches of time steps become longer where the events between them last less than so many of them.
 const SHORTEST: f64 = 256.0;
 /// The share of the length that the estimated error allows.
 const SAFE: f64 = 0.9;
-/// The length of a step changes at most by this factor.
-const CHANGE: f64 = 4.0;
-
 /// Iterations of the implicit midpoint rule for the Coriolis forces; each is exact to one more power of the turn in a step.
 const MIDPOINT: usize = 3;
 
@@ -115,7 +106,7 @@ impl<A: Space> Run<'_, '_, A> {
                 self.history.wait = (2.0 * self.history.wait).min(WAIT * sim.contact_step);
             }
             still = if is_still { still + step } else { 0.0 };
-            if still >= lasts(STILL_STEPS) && self.is_steady() {
+            if still >= lasts(WAIT) && self.is_steady() {
                 self.put_back(0.0)?;
                 let y = self.y.clone();
                 if !std::mem::replace(&mut self.history.resting, true) {
@@ -140,11 +131,12 @@ impl<A: Space> Run<'_, '_, A> {
             // After an impact without collision there is a mode.
             StepReason::NoMode => self.shortest(),
             StepReason::Crowd | StepReason::Stiff | StepReason::Asked => sim.contact_step,
-            StepReason::Face => OPEN_STEPS * sim.contact_step,
+            // Contacts that are not divided into points have no mode.
+            StepReason::Face => 0.5 * WAIT * sim.contact_step,
         };
         let History { wait, resumed, .. } = &mut self.history;
         *wait = match resumed {
-            Some(resumed) if self.time - *resumed < BETWEEN * *wait => first.max(2.0 * *wait),
+            Some(resumed) if self.time - *resumed < SHORTEST * *wait => first.max(2.0 * *wait),
             _ => first.max(0.5 * *wait),
         };
         *wait = wait.min(WAIT * sim.contact_step);
@@ -177,7 +169,7 @@ impl<A: Space> Run<'_, '_, A> {
             let ends = share <= accepted || step <= shortest;
             // A step that the end or a kink of the forces shortens says nothing about longer ones.
             if !(ends && step < *length) {
-                let factor = (SAFE * (accepted / share).sqrt()).clamp(1.0 / CHANGE, CHANGE);
+                let factor = (SAFE * (accepted / share).sqrt()).clamp(1.0 / GROWTH, GROWTH);
                 *length = (step * factor).clamp(shortest, sim.contact_step);
             }
             if ends {
@@ -366,8 +358,8 @@ impl<A: Space> Run<'_, '_, A> {
             fall = (&u[0] - &u[1]).amax() * step;
             let guess = guess(&table, &self.history.stepped, step);
             let laws = table.laws(sim, &dry, step, Some(&u[0]));
-            let law = (sim.several, &ACCURACY);
-            let outcome = self.solve((&table, &responses, laws), u.each_ref(), law, Some(&guess))?;
+            let outcome =
+                self.solve((&table, &responses, laws), u.each_ref(), (sim.several, &STEP_ACCURACY), Some(&guess))?;
             self.history.statistics.worst_residual = self.history.statistics.worst_residual.max(outcome.residual);
             push(next.as_mut_slice(), &responses, outcome.impulse.as_slice());
             self.refuse_squeeze((&table, &responses), outcome.residual, next.as_slice())?;
@@ -461,8 +453,8 @@ impl<A: Space> Run<'_, '_, A> {
         view.respond(&table.rows, &mut responses)?;
         let gaps = DVector::from_fn(table.contacts.len(), |i, _| table.contacts[i].gap + allowed);
         let laws = vec![Constraint::Stop { restitution: 0.0 }; gaps.len()];
-        let law = (SeveralLaw::Moreau, &ACCURACY);
-        let outcome = self.solve((&table, &responses, laws), [&gaps, &gaps], law, None)?;
+        let outcome =
+            self.solve((&table, &responses, laws), [&gaps, &gaps], (SeveralLaw::Moreau, &STEP_ACCURACY), None)?;
         let mut back = vec![0.0; qd.len()];
         push(&mut back, &responses, outcome.impulse.as_slice());
         let moved = sim.chain.integrate(&q, &back, 1.0)?;

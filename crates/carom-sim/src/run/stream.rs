@@ -5,7 +5,7 @@ use super::trajectory::{Sampling, Seen, Summary, Trajectory};
 use crate::error::SimError;
 use crate::model::Simulation;
 use crate::plan::Plan;
-use carom_chain::{Planar, PlanarChain, Spatial};
+use carom_chain::PlanarChain;
 
 impl Simulation {
     /// Runs from `(q, qd)` for `duration` seconds and returns all events and the whole motion.
@@ -61,10 +61,7 @@ fn go(
     watch: &mut dyn FnMut(Seen),
 ) -> Result<Summary, SimError> {
     simulation.check(start.0, start.1, duration, sampling.every)?;
-    match flat {
-        Some(model) => Run::<Planar<f64>>::go(simulation, model, start, duration, sampling, watch),
-        None => Run::<Spatial<f64>>::go(simulation, &simulation.chain, start, duration, sampling, watch),
-    }
+    in_its_space!(simulation, flat, |A, model| Run::<A>::go(simulation, model, start, duration, sampling, watch))
 }
 
 /// Stores all events and the whole motion of a run.

@@ -4,7 +4,7 @@
 use crate::contact::ContactMode;
 use crate::impact::{ChainImpact, ImpactLoads};
 use crate::motion::{ContactState, NonUnique};
-use crate::state::{CLEAR, ContactImpulse, Moment};
+use crate::state::{CLEAR, ContactImpulse, Moment, NOTICED};
 use carom_chain::Chain;
 use carom_impact::Flags;
 use serde::{Serialize, Serializer};
@@ -352,10 +352,6 @@ impl EnergyBooks {
     }
 }
 
-/// Share of the energies of a run from which on an error of their balance is told, without time steps and with them: errors of the
-/// velocities by half of it. Integration stays far below the first; time steps do not where they are too long for the motion.
-const NOTICED: [f64; 2] = [0.001, 0.01];
-
 /// The summary of a run.
 #[derive(Debug, Clone)]
 pub struct Summary {
@@ -379,7 +375,7 @@ impl Summary {
     /// What to tell the user of the results: an energy balance that does not close, impulses that do not satisfy their law.
     pub fn warnings(&self) -> Vec<String> {
         let residual = self.statistics.worst_residual;
-        let unsolved = (residual > TOLD).then(|| {
+        let unsolved = (residual > 10.0 * NOTICED).then(|| {
             format!(
                 "impulses of several contacts satisfy their law to {residual:.1e} of the contact velocities only: friction wedges a contact, \
                  or masses are too different; choose another law (several), less friction or restitution"
@@ -400,7 +396,9 @@ impl Summary {
         let stepped = self.statistics.contact_steps > 0;
         let changed = if error > 0.0 { "gained" } else { "lost" };
         let help = if stepped { "use shorter time steps (contact_step)" } else { "use a smaller tolerance" };
-        (error.abs() > NOTICED[usize::from(stepped)] * scale).then(|| {
+        // Integration stays far below; time steps do not where they are too long for the motion.
+        let most = if stepped { 10.0 * NOTICED } else { NOTICED };
+        (error.abs() > most * scale).then(|| {
             format!(
                 "the energy balance does not close: {:.3e} J {changed} without a cause, beside {scale:.3e} J at the start, of drives, \
                  resistance and impacts: {help}",
@@ -409,9 +407,6 @@ impl Summary {
         })
     }
 }
-
-/// Residuals of several contacts, relative to their velocities, from which on they are told: as much as the energy balance.
-const TOLD: f64 = 0.01;
 
 /// A whole run with its events and its motion.
 #[derive(Debug, Clone)]

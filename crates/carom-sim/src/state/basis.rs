@@ -1,13 +1,10 @@
 //! The independent rows among constraints.
 
+use super::accuracy::EQUAL;
 use nalgebra::{DMatrix, DVector, Dyn, LU};
 use std::ops::Range;
 
-/// A pivot of R M⁻¹ Rᵀ below this share of its diagonal entry counts as zero: the row depends on others. The entries are sums
-/// of some dozens of products, and rows that depend on others do so within the projection of the state, 1e-13 of its size.
-pub(super) const DEPENDENT: f64 = 1e-10;
-
-/// Independent rows of a positive semidefinite matrix, by Cholesky factorisation with diagonal pivoting (Golub & Van Loan,
+/// Independent rows of a positive semidefinite matrix: the others have a pivot that is at most a share [`EQUAL`] of their diagonal entry. By Cholesky factorisation with diagonal pivoting (Golub & Van Loan,
 /// *Matrix Computations*, 4th ed., section 4.2.8).
 pub(crate) struct Basis {
     pub rows: Vec<usize>,
@@ -44,7 +41,7 @@ impl Basis {
 
     /// The size of rows that are rounding: those of a planar robot across its plane.
     pub fn least(gram: &DMatrix<f64>) -> f64 {
-        gram.diagonal().amax() * DEPENDENT
+        gram.diagonal().amax() * EQUAL
     }
 
     /// The rows whose pivots are not small compared with these sizes.
@@ -57,7 +54,7 @@ impl Basis {
         let (mut rows, mut least, mut rest) = (Vec::with_capacity(m), 1.0_f64, 0.0);
         while rows.len() < m {
             let Some((next, &share)) = shares.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else { break };
-            let dependent = share.is_nan() || share <= DEPENDENT;
+            let dependent = share.is_nan() || share <= EQUAL;
             if dependent {
                 rest = share.max(0.0);
                 break;

@@ -1,6 +1,6 @@
 //! A chain with loops at one configuration: the rows of its loops, what they leave of its responses, and their closing.
 
-use super::accuracy::{EXACT, ROUNDING};
+use super::accuracy::{EQUAL, EXACT, ROUNDING, STEPS};
 use super::coupling::{Coupling, Loops};
 use super::space::{Space, View};
 use crate::error::SimError;
@@ -105,7 +105,7 @@ impl<A: Space> View<'_, A> {
             let open = qdd.iter().fold(0.0, |most: f64, a| most.max(a.abs()));
             closed.bind(qdd, Some(&wanted));
             closed.bind(qdd, Some(&wanted));
-            qdd.iter_mut().filter(|a| a.abs() <= LOST * open).for_each(|a| *a = 0.0);
+            qdd.iter_mut().filter(|a| a.abs() <= ROUNDING * open).for_each(|a| *a = 0.0);
         }
         rows.iter().zip(responses.iter_mut()).for_each(|(row, response)| closed.bind_response(row, response));
         Ok(())
@@ -126,14 +126,6 @@ impl<A: Space> View<'_, A> {
         self.couplings.iter().map(|coupling| coupling.gap(self)).collect()
     }
 }
-
-/// Accelerations below this share of those without loops are rounding.
-const LOST: f64 = 64.0 * f64::EPSILON;
-/// Newton's steps from any start.
-const STEPS: usize = 50;
-/// Share of the chain's reach that may stay open along rows that depend on others: no joint closes it. Axes that a file gives
-/// with five digits are parallel to some 1e-6; `Basis` takes such rows for dependent up to 1e-5.
-const SLACK: f64 = 1e-5;
 
 /// Closes the loops by the smallest changes of q and q̇ in the metric of M: Newton's method, then a projection of q̇. Returns
 /// whether anything changed.
@@ -164,7 +156,9 @@ pub(crate) fn close_loops<A: Space>(
         if open <= if step == 0 { 0.1 * ROUNDING * reach } else { within } || step == STEPS {
             let excess = |k: &usize| gaps[*k].norm() / couplings[*k].reach;
             let worst = (0..gaps.len()).max_by(|a, b| excess(a).total_cmp(&excess(b))).unwrap_or(0);
-            if !(open <= within && excess(&worst) <= SLACK) {
+            // Along rows that depend on others, for `Basis` up to the square root of its share, no joint closes what is open: axes that a file
+            // gives with five digits are parallel to some 1e-6.
+            if !(open <= within && excess(&worst) <= EQUAL.sqrt()) {
                 return Err(SimError::Loop { name: couplings[worst].name.to_string(), gap: gaps[worst].into() });
             }
             // The velocities along the rows, as shares of their terms.

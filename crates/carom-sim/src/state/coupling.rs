@@ -13,15 +13,12 @@
 //! Dependent rows, of loops that are closed more often than needed, are left out; their forces have no effect. At a pose at which
 //! a mechanism could branch (a four-bar linkage that lies flat) further rows become dependent: see `run/branch.rs`.
 
-use super::basis::{Basis, DEPENDENT};
+use super::accuracy::EQUAL;
+use super::basis::Basis;
 use carom_chain::algebra::Algebra;
 use carom_chain::{Point, Rows};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::sync::Arc;
-
-/// Below this share the loops take so much of a response away that its digits count: "twice is enough" (Parlett, *The Symmetric Eigenvalue
-/// Problem*, 1980, section 6.9).
-const NEARLY: f64 = 1e-2;
 
 /// Two points that stay together.
 #[derive(Debug, Clone)]
@@ -67,15 +64,16 @@ impl Loops {
         }
     }
 
-    /// Turns M⁻¹fᵀ of a row f into P M⁻¹fᵀ; zero where the loops lock what f moves. What is left of a response that is nearly all taken
-    /// away is the rounding of what was there; a second pass has the rounding of what is left.
+    /// Turns M⁻¹fᵀ of a row f into P M⁻¹fᵀ; zero where the loops lock what f moves. What is left of a response of which most is taken
+    /// away has the rounding of what was there; a second pass has that of what is left: "twice is enough" (Parlett, *The Symmetric
+    /// Eigenvalue Problem*, 1980, section 6.9).
     pub fn bind_response(&self, row: &[f64], response: &mut [f64]) {
         let along = |response: &[f64]| row.iter().zip(response).map(|(r, x)| r * x).sum::<f64>();
         let open = along(response);
         self.bind(response, None);
-        if along(response) < NEARLY * open {
+        if 2.0 * along(response) < open {
             self.bind(response, None);
-            if along(response) <= DEPENDENT * open {
+            if along(response) <= EQUAL * open {
                 response.fill(0.0);
             }
         }
