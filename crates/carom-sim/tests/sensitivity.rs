@@ -385,3 +385,54 @@ fn a_run_without_a_derivative_has_no_linear_run() {
     assert!(told.contains("number of derivatives by the final state"), "{told}");
     assert!(run.jvp(&[1.0; 7]).is_err() && run.vjp(&[0.0, 1.0], &[1.0; 9]).is_err());
 }
+
+/// Parameters that change inertias, in free motion and through impacts, in the plane and in space.
+#[test]
+fn sensitivities_by_inertias_equal_differences_of_runs() {
+    for (name, h) in [("planar2", 1e-5), ("strike7", 1e-4), ("four_bar", 1e-5)] {
+        let scene = changed(name, &[]);
+        let plan = scene.plan().unwrap();
+        let joint = plan.simulation.chain.joint_of_velocity(0).unwrap().name.clone();
+        let with_rotor = |chain: &carom_chain::Chain, own: f64| chain.with_rotor_inertia(&joint, own);
+        let sim = Simulation { chain: with_rotor(&plan.simulation.chain, 0.1).unwrap(), ..plan.simulation.clone() };
+        let rotor = joint.clone();
+        let parameters = [
+            Parameter::try_new("rotor", 1.0, move |sim, delta| {
+                sim.chain = sim.chain.with_rotor_inertia(&rotor, 0.1 + delta)?;
+                Ok(())
+            }),
+            Parameter::try_new("inertia", 1.0, |sim, delta| {
+                sim.chain = sim.chain.with_inertia_scaled(1.0 + delta)?;
+                Ok(())
+            }),
+        ];
+        let duration = scene.duration.min(0.4);
+        let found = sim.sensitivity(&plan.q, &plan.qd, duration, &parameters).unwrap();
+        assert_eq!(found.broken, None, "{name}");
+        let columns = [2 * sim.chain.nv(), 2 * sim.chain.nv() + 1];
+        let own = found.last_by.as_ref().unwrap().select_columns(&columns);
+        let other = differences(&sim, (&plan.q, &plan.qd), duration, &parameters, (&columns, h));
+        assert!(other.column(0).amax() > 1e-3 && (&own - &other).amax() < 1e-6 * other.amax(), "{name}: {own} {other}");
+    }
+}
+
+/// Motors at their limits give the same whatever the gains, and beside the state; after it they do not.
+#[test]
+fn motors_at_their_limit_have_no_slope() {
+    let slider = chain(&[Part::slider("cart", "base", X).weighing(2.0, [0.01; 3])]);
+    let slider = slider.with_effort_limit("jcart", 3.0).unwrap();
+    let drive = carom_sim::Drive::Pd(carom_sim::Pd { kp: 100.0.into(), kd: 5.0.into(), target: vec![1.0] });
+    let sim = Simulation { drive, effort_limits: true, gravity: Vector3::zeros(), ..Simulation::new(slider, vec![]) };
+    let parameters = Parameter::all(&sim);
+    // 3 N all the time: x(0.2 s) = ½ 1.5 t².
+    let found = sim.sensitivity(&[0.0], &[0.0], 0.2, &parameters).unwrap();
+    let by = found.last_by.unwrap();
+    let exact = DMatrix::from_row_slice(2, 5, &[1.0, 0.2, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+    assert!((by - exact).amax() < 1e-13);
+    // Within the limits from the start on.
+    let (q, qd) = ([0.99], [0.0]);
+    let found = sim.sensitivity(&q, &qd, 0.2, &parameters).unwrap();
+    let columns = [0, 1, 2, 3, 4];
+    let other = differences(&sim, (&q, &qd), 0.2, &parameters, (&columns, 1e-3));
+    assert!((found.last_by.unwrap() - other).amax() < 1e-9);
+}

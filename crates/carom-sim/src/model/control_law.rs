@@ -36,6 +36,16 @@ pub(crate) trait ControlLaw {
         (0.0, 0.0)
     }
 
+    /// Whether the force at each joint depends on the state only by its gains.
+    fn is_decoupled(&self) -> bool {
+        false
+    }
+
+    /// The derivative of the force at a joint by its number of this name, of [`Drive::parameters`](super::Drive).
+    fn force_by(&self, _name: &str, _joint: &Motor, _state: State) -> f64 {
+        0.0
+    }
+
     /// The next time at which the forces have a kink.
     fn next_kink(&self, _time: f64) -> Option<f64> {
         None

@@ -277,6 +277,10 @@ impl ControlLaw for Vec<RobotDrive> {
         own.map(|drive| drive.law().gains(v)).fold((0.0, 0.0), |(p, d), (p2, d2)| (p.max(p2), d.max(d2)))
     }
 
+    fn is_decoupled(&self) -> bool {
+        self.iter().all(|it| it.after_impact.is_none() && it.drive.law().is_decoupled())
+    }
+
     fn drive<A: Space>(
         &self,
         asked: &Asked,

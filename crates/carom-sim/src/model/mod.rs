@@ -23,6 +23,7 @@ pub(crate) use gains::{Motor, motors};
 pub use impact_controllers::{ImpactInvariant, Transition};
 pub use loops::{Loop, LoopFrame, LoopJoint};
 pub use parameter::Parameter;
+pub(crate) use parameter::Place;
 pub use pd::Pd;
 pub use reference::Reference;
 pub use simulation::{Integrator, Simulation};

@@ -1,20 +1,35 @@
 //! The numbers of a simulation by which a run can be differentiated.
 
-use super::gains::motors;
+use super::gains::{Motor, motors};
 use super::simulation::Simulation;
-use crate::contact::ContactLaw;
+use crate::contact::{ContactLaw, Touch};
 use crate::error::SimError;
 use carom_impact::Coefficients;
 use std::fmt;
 use std::sync::Arc;
 
 /// A number of a simulation by which a run is differentiated: a coefficient, a gain, a torque, or any other change of a
-/// simulation that leaves its chain and its possible contacts as they are.
+/// simulation that leaves its joints and its possible contacts as they are.
 #[derive(Clone)]
 pub struct Parameter {
     name: String,
     scale: f64,
+    place: Place,
     change: Arc<Change>,
+}
+
+/// Where a parameter acts, of those whose derivatives have closed forms.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Place {
+    /// A coefficient of the contacts under a law of `carom-impact`.
+    Restitution,
+    Friction,
+    /// The number of this name of the drive of a joint.
+    Motor {
+        name: &'static str,
+        joint: Motor,
+    },
+    Anywhere,
 }
 
 type Change = dyn Fn(&mut Simulation, f64) -> Result<(), SimError> + Send + Sync;
@@ -38,13 +53,13 @@ impl Parameter {
         })
     }
 
-    /// As [`Parameter::new`], for a change that may fail.
+    /// [`Parameter::new`] of a change that can fail.
     pub fn try_new(
         name: impl Into<String>,
         scale: f64,
         change: impl Fn(&mut Simulation, f64) -> Result<(), SimError> + Send + Sync + 'static,
     ) -> Self {
-        Self { name: name.into(), scale, change: Arc::new(change) }
+        Self { name: name.into(), scale, place: Place::Anywhere, change: Arc::new(change) }
     }
 
     /// Its name.
@@ -57,10 +72,26 @@ impl Parameter {
         self.scale
     }
 
+    /// Where it acts.
+    pub(crate) fn place(&self) -> Place {
+        self.place
+    }
+
+    /// Whether it is a coefficient of a touch.
+    pub(crate) fn is_of(&self, touch: &Touch) -> bool {
+        let own = match self.place {
+            Place::Restitution => RESTITUTION,
+            Place::Friction => FRICTION,
+            Place::Motor { .. } | Place::Anywhere => return false,
+        };
+        let law = &touch.contact.law;
+        touch.link().is_some() && !law.is_users() && own(law, &mut law.coefficients.clone()).is_some()
+    }
+
     /// The simulation with the parameter increased by `delta`.
     ///
     /// # Errors
-    /// That of the change.
+    /// Those of the change.
     pub fn apply(&self, simulation: &Simulation, delta: f64) -> Result<Simulation, SimError> {
         let mut changed = simulation.clone();
         (self.change)(&mut changed, delta)?;
@@ -70,16 +101,16 @@ impl Parameter {
     /// The coefficient of restitution of all contacts together that are under a law of `carom-impact` and have one between 0
     /// and 1, both excluded, for all approach speeds.
     pub fn restitution() -> Self {
-        Self::coefficient("restitution", RESTITUTION)
+        Self::coefficient("restitution", (Place::Restitution, RESTITUTION))
     }
 
     /// The coefficient of friction of all contacts together that are under a law of `carom-impact` and have friction.
     pub fn friction() -> Self {
-        Self::coefficient("friction", FRICTION)
+        Self::coefficient("friction", (Place::Friction, FRICTION))
     }
 
-    fn coefficient(name: &str, own: Coefficient) -> Self {
-        Self::new(name, 1.0, move |simulation, delta| {
+    fn coefficient(name: &str, (place, own): (Place, Coefficient)) -> Self {
+        let change = move |simulation: &mut Simulation, delta| {
             for touch in simulation.touches.iter_mut().filter(|touch| touch.link().is_some()) {
                 let law = &mut touch.contact.law;
                 let mut changed = law.coefficients;
@@ -88,7 +119,8 @@ impl Parameter {
                     *law = law.with(changed).unwrap_or_else(|| law.clone());
                 }
             }
-        })
+        };
+        Self { place, ..Self::new(name, 1.0, change) }
     }
 
     /// The parameters of a simulation: `restitution` and `friction` where there are contacts with them, and of the drive `kp`,
@@ -109,7 +141,8 @@ impl Parameter {
                     let own = simulation.drive.parameters(&motor, nv).into_iter();
                     own.filter(|(other, _)| *other == name).for_each(|(_, number)| *number += delta);
                 };
-                all.push(Self::new(format!("{name} {joint}"), size.abs().max(1.0), change));
+                let place = Place::Motor { name, joint: motor };
+                all.push(Self { place, ..Self::new(format!("{name} {joint}"), size.abs().max(1.0), change) });
             }
         }
         all

@@ -31,6 +31,18 @@ impl ControlLaw for Pd {
         (self.kp.at(v), self.kd.at(v))
     }
 
+    fn is_decoupled(&self) -> bool {
+        true
+    }
+
+    fn force_by(&self, name: &str, joint: &Motor, (q, qd): State) -> f64 {
+        match name {
+            "kp" => self.target[joint.q] - q[joint.q],
+            "kd" => -qd[joint.v],
+            _ => self.kp.at(joint.v),
+        }
+    }
+
     fn drive<A: Space>(&self, asked: &Asked, _: Body<A>, (q, qd): State, add: Add) -> Result<(), SimError> {
         for &Motor { q: at, v, .. } in asked.motors {
             add(v, self.kp.at(v) * (self.target[at] - q[at]) - self.kd.at(v) * qd[v]);

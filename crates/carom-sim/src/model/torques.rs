@@ -1,6 +1,7 @@
 //! Joint forces without feedback: none, constant ones, those of a table, and those that balance gravity.
 
 use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
+use super::gains::Motor;
 use crate::error::{SimError, require};
 use crate::state::{Space, View, between, check_rows, next_of};
 
@@ -20,6 +21,10 @@ pub struct TorqueTable {
 }
 
 impl ControlLaw for Off {
+    fn is_decoupled(&self) -> bool {
+        true
+    }
+
     fn drive<A: Space>(&self, _: &Asked, _: Body<A>, _: State, _: Add) -> Result<(), SimError> {
         Ok(())
     }
@@ -29,6 +34,14 @@ impl ControlLaw for Off {
 impl ControlLaw for Vec<f64> {
     fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
         vec![("torque", Part::V(self))]
+    }
+
+    fn is_decoupled(&self) -> bool {
+        true
+    }
+
+    fn force_by(&self, _: &str, _: &Motor, _: State) -> f64 {
+        1.0
     }
 
     fn drive<A: Space>(&self, _: &Asked, _: Body<A>, _: State, add: Add) -> Result<(), SimError> {
@@ -48,6 +61,10 @@ impl ControlLaw for TorqueTable {
         check_rows(names, times, forces)?;
         let rule = "the times of a torque table must ascend";
         times.windows(2).try_for_each(|pair| require(pair[0] < pair[1], names[2], pair[1], rule))
+    }
+
+    fn is_decoupled(&self) -> bool {
+        true
     }
 
     fn next_kink(&self, time: f64) -> Option<f64> {

@@ -45,6 +45,10 @@ impl ControlLaw for Tracking {
         (self.kp.at(v), self.kd.at(v))
     }
 
+    fn is_decoupled(&self) -> bool {
+        true
+    }
+
     fn next_kink(&self, time: f64) -> Option<f64> {
         self.reference.next_kink(time)
     }

@@ -30,6 +30,7 @@ pub(crate) use held::Loads;
 pub(crate) use rows::{Constraints, Contact, Level, direction_of_slip, push};
 pub(crate) use scale::{Scale, is_reached};
 pub(crate) use select::{ACCURACY, Candidate};
+pub(crate) use slope::Linear;
 pub(crate) use smooth::{Motion, bristles};
 pub use unique::NonUnique;
 pub(crate) use zero::LEVER;

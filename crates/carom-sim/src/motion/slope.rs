@@ -25,6 +25,7 @@ use super::held::Detail;
 use super::rows::push;
 use super::smooth::Motion;
 use crate::error::SimError;
+use crate::model::Motor;
 use crate::state::{EXACT, Loops, Space};
 use carom_chain::Rows;
 use nalgebra::{DMatrix, DVector};
@@ -38,6 +39,8 @@ pub(crate) struct Linear {
     mu: DVector<f64>,
     /// ∂(M q̈ + b)/∂q and ∂(M q̈ + b)/∂q̇.
     pub inertial: [DMatrix<f64>; 2],
+    /// The motors that are at the limit of their force: they give the same beside this state.
+    limited: Vec<bool>,
 }
 
 impl<A: Space> Motion<'_, A> {
@@ -77,13 +80,31 @@ impl<A: Space> Motion<'_, A> {
             mu = rows.svd(true, true).solve(&left, least).unwrap_or_default();
         }
         let inertial = view.inverse_dynamics_derivatives(qd, &qdd, gravity)?;
-        Ok(Linear { found, equations, loops, qdd, mu, inertial })
+        let limited = self.limited_motors(time, y)?;
+        Ok(Linear { found, equations, loops, qdd, mu, inertial, limited })
+    }
+
+    /// Whether nothing but joint forces acts.
+    pub fn is_free(&self, at: &Linear) -> bool {
+        self.active.lasting.is_empty() && self.couplings.is_empty() && at.found.constraints.rows.is_empty()
+    }
+
+    /// −∂τ/∂q and −∂τ/∂q̇ of each joint where nothing else acts, and each force depends on position and velocity of its own joint only.
+    pub fn decoupled(&self, at: &Linear) -> Option<[Vec<f64>; 2]> {
+        let own = self.is_free(at) && self.sim.wrenches.is_empty() && self.drive().law().is_decoupled();
+        own.then(|| self.regulation(&at.limited).into())
+    }
+
+    /// The derivative of the force of a motor by the number of this name of its drive.
+    pub fn motor_by(&self, (name, joint): (&str, &Motor), y: &[f64], at: &Linear) -> f64 {
+        let own = std::ptr::eq(self.drive(), &self.sim.drive) && at.limited.get(joint.v) != Some(&true);
+        if own { self.drive().law().force_by(name, joint, self.sim.split(y)) } else { 0.0 }
     }
 
     /// τ + Fᵀλ + Lᵀμ, R q̈ + γ, L q̈ + κ and β at a state, with the accelerations and forces of `at`.
     pub fn balance(&mut self, time: f64, y: &[f64], at: &Linear) -> Result<DVector<f64>, SimError> {
         let (_, qd) = self.sim.split(y);
-        if self.active.lasting.is_empty() && self.couplings.is_empty() && at.found.constraints.rows.is_empty() {
+        if self.is_free(at) {
             let (mut tau, _) = self.applied(time, self.sim.split(y).0, qd)?;
             tau.resize(qd.len() + 3 * self.bristles.len(), 0.0);
             return Ok(DVector::from_vec(tau));

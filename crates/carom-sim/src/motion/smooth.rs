@@ -148,7 +148,7 @@ impl<'a, A: Space> Motion<'a, A> {
     /// [`Motion::applied`], into `tau`.
     pub fn apply(&mut self, time: f64, q: &[f64], qd: &[f64], tau: &mut [f64]) -> Result<[f64; 2], SimError> {
         let resisted = self.resist(q, qd, tau);
-        let mut driven = self.push_motors(time, (q, qd), tau)?;
+        let mut driven = self.push_motors(time, (q, qd), true, tau)?;
         let sim = self.sim;
         if !self.pushed.is_empty() {
             let mut pushed = vec![0.0; qd.len()];
@@ -162,8 +162,14 @@ impl<'a, A: Space> Motion<'a, A> {
         Ok([driven, resisted])
     }
 
-    /// Adds the forces of the motors, after their limits, to `tau`; returns their power.
-    fn push_motors(&mut self, time: f64, state: (&[f64], &[f64]), tau: &mut [f64]) -> Result<f64, SimError> {
+    /// Adds the forces of the motors, `limited` or as the controller asks for them, to `tau`; returns their power.
+    fn push_motors(
+        &mut self,
+        time: f64,
+        state: (&[f64], &[f64]),
+        limited: bool,
+        tau: &mut [f64],
+    ) -> Result<f64, SimError> {
         let (sim, drive) = (self.sim, self.drive());
         let asked = Asked {
             chain: &sim.chain,
@@ -171,7 +177,7 @@ impl<'a, A: Space> Motion<'a, A> {
             gravity: sim.gravity,
             hit: &self.active.was_hit,
             motors: &self.motors,
-            limits: &self.limits,
+            limits: if limited { &self.limits } else { &[] },
             damping: &self.damping,
             springs: &self.springs,
         };
@@ -181,8 +187,18 @@ impl<'a, A: Space> Motion<'a, A> {
     /// The forces of the motors, after their limits, length nv.
     pub fn motor_forces(&mut self, time: f64, y: &[f64]) -> Result<Vec<f64>, SimError> {
         let mut tau = vec![0.0; self.sim.chain.nv()];
-        self.push_motors(time, self.sim.split(y), &mut tau)?;
+        self.push_motors(time, self.sim.split(y), true, &mut tau)?;
         Ok(tau)
+    }
+
+    /// The motors of which the controller asks for more than their limit; empty without limits.
+    pub fn limited_motors(&mut self, time: f64, y: &[f64]) -> Result<Vec<bool>, SimError> {
+        if self.limits.is_empty() {
+            return Ok(Vec::new());
+        }
+        let mut tau = vec![0.0; self.limits.len()];
+        self.push_motors(time, self.sim.split(y), false, &mut tau)?;
+        Ok(tau.iter().zip(&self.limits).map(|(force, limit)| force.abs() > *limit).collect())
     }
 
     /// Writes the forces of damping, springs and slipping dry friction into `tau`; returns the power of those that dissipate.
@@ -207,7 +223,7 @@ impl<'a, A: Space> Motion<'a, A> {
     }
 
     /// The present drive.
-    fn drive(&self) -> &'a Drive {
+    pub fn drive(&self) -> &'a Drive {
         let after = if self.active.was_hit.contains(&true) { self.sim.after_impact.as_ref() } else { None };
         after.unwrap_or(&self.sim.drive)
     }
@@ -273,11 +289,12 @@ impl<'a, A: Space> Motion<'a, A> {
         Ok(())
     }
 
-    /// Stiffness and damping of drive, springs and joints for every velocity coordinate.
-    pub fn regulation(&self) -> (Vec<f64>, Vec<f64>) {
+    /// Stiffness and damping of drive, springs and joints for every velocity coordinate. `limited`: the motors without feedback, if any.
+    pub fn regulation(&self, limited: &[bool]) -> (Vec<f64>, Vec<f64>) {
         let (mut stiffness, mut damping) = (vec![0.0; self.damping.len()], self.damping.clone());
         let drive = self.drive();
-        let gains = self.motors.iter().map(|motor| (motor.v, drive.law().gains(motor.v)));
+        let fed = self.motors.iter().filter(|motor| limited.get(motor.v) != Some(&true));
+        let gains = fed.map(|motor| (motor.v, drive.law().gains(motor.v)));
         let springs = self.springs.iter().map(|spring| (spring.v, (spring.stiffness, spring.damping)));
         for (v, (p, d)) in gains.chain(springs) {
             stiffness[v] += p;

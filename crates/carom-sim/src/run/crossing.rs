@@ -7,6 +7,7 @@ use super::history::History;
 use super::run_state::Run;
 use crate::error::SimError;
 use crate::impact::{Derivatives, RowRates, differentiate};
+use crate::model::Place;
 use crate::motion::ActiveSet;
 use crate::state::{CLEAR, Space};
 use carom_chain::Rows;
@@ -134,10 +135,25 @@ pub(crate) fn outcome<A: Space>(
     Ok((DVector::from_vec(run.x()), run.time))
 }
 
-/// The derivative of the impact of one touch, in closed form: of q̇⁺ by q (in its tangent space), q̇⁻ and time.
+/// The derivatives of the impact of one touch.
+pub(crate) struct Struck {
+    /// Of q̇⁺.
+    pub jumped: Derivatives,
+    /// Of the gap by q in its tangent space, nv.
+    pub gap: Vec<f64>,
+}
+
+impl Struck {
+    /// By the coefficient that a parameter changes.
+    pub fn coefficient(&self, place: Place) -> &DVector<f64> {
+        if matches!(place, Place::Restitution) { &self.jumped.restitution } else { &self.jumped.friction }
+    }
+}
+
+/// The derivatives of the impact of one touch, in closed form: by q (in its tangent space), q̇⁻, time and coefficients.
 ///
 /// `None` for a user's law and a restitution that depends on the approach speed, at the border of a mode of the law, and where another gap is closed.
-pub(crate) fn jump<A: Space>(run: &mut Run<A>, touch: usize, before: &Before) -> Result<Option<Derivatives>, SimError> {
+pub(crate) fn jump<A: Space>(run: &mut Run<A>, touch: usize, before: &Before) -> Result<Option<Struck>, SimError> {
     run.motion.active = before.active.clone();
     let (time, x) = (before.time, before.x.as_slice());
     let (nq, nv, sim) = (run.motion.sim.chain.nq(), run.motion.sim.chain.nv(), run.motion.sim);
@@ -205,5 +221,6 @@ pub(crate) fn jump<A: Space>(run: &mut Run<A>, touch: usize, before: &Before) ->
     if borders.first().is_some_and(|nearest| nearest.margin <= CLEAR) {
         return Ok(None);
     }
-    differentiate(&mut view.kin, qd, (&columns, &rates), &response, &law).map(Some)
+    let gap = columns.iter().map(|column| column.z).collect();
+    Ok(Some(Struck { jumped: differentiate(&mut view.kin, qd, (&columns, &rates), &response, &law)?, gap }))
 }

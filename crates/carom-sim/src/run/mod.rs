@@ -18,6 +18,7 @@ macro_rules! in_its_space {
 }
 
 mod branch;
+mod changed;
 mod crossing;
 mod events;
 mod flow;

@@ -28,7 +28,8 @@
 //! **Where there is no derivative** the events of neighbouring motions are others, and E has a kink or a jump: it is compared
 //! with its own second differences, and the modes after the event must be the same.
 
-use super::crossing::{After, Before, WIDE, jump, normal, outcome, rate, value};
+use super::changed::{Base, Changed, DIFFERENCE, Others, silent};
+use super::crossing::{After, Before, Struck, WIDE, jump, normal, outcome, rate, value};
 use super::guard::Ending;
 use super::guard::Is;
 use super::linear_run::{AllColumns, EventTime, LinearEvent, LinearRun, Maps, Piece, Pieces};
@@ -37,8 +38,7 @@ use super::sampler::Step;
 use super::trajectory::{EventKind, Sampling, Seen};
 use super::variation::{AT, LinearStep, WEIGHTS, left_inverse};
 use crate::error::SimError;
-use crate::impact::Derivatives;
-use crate::model::{Parameter, Simulation};
+use crate::model::{Parameter, Place, Simulation};
 use crate::motion::{ActiveSet, Dry, Lasting};
 use crate::plan::Plan;
 use crate::state::{EXACT, Moment, Space};
@@ -76,8 +76,6 @@ pub struct Broken {
     pub reason: String,
 }
 
-/// Step of the central differences of events, for a column of size one.
-const DIFFERENCE: f64 = 1e-5;
 /// An event whose guard changes by less than this in the time in which the state changes by its own size is a grazing
 /// one.
 const GRAZING: f64 = 1e-7;
@@ -209,8 +207,13 @@ fn differentiate(
 ) -> Result<End, SimError> {
     simulation.check(start.0, start.1, duration, None)?;
     match flat {
-        Some(model) => follow::<Planar<f64>>(simulation, model, start, duration, parameters, each),
-        None => follow::<Spatial<f64>>(simulation, &simulation.chain, start, duration, parameters, each),
+        Some(model) => {
+            follow::<Planar<f64>>((simulation, model, start), Simulation::in_plane, duration, parameters, each)
+        }
+        None => {
+            let chain = |other: &Simulation| Some(other.chain.clone());
+            follow::<Spatial<f64>>((simulation, &simulation.chain, start), chain, duration, parameters, each)
+        }
     }
 }
 
@@ -219,8 +222,7 @@ struct Follow<'a, 'w, A: Space> {
     run: Run<'a, 'w, A>,
     /// The same simulation, for states beside that of the run.
     probe: Run<'a, 'w, A>,
-    /// For each parameter the simulations with the parameter changed by the multiples [`AT`] of a number, and that number.
-    changed: Vec<([Run<'a, 'w, A>; 4], f64)>,
+    changed: Vec<Changed<'a, 'w, A>>,
     kinds: &'a RefCell<Vec<Noted>>,
 }
 
@@ -242,31 +244,15 @@ impl From<SimError> for Stop {
     }
 }
 
-/// A callback that does nothing; it has no size, so nothing is allocated.
-fn silent<'w>() -> &'w mut dyn FnMut(Seen) {
-    Box::leak(Box::new(|_: Seen| {}))
-}
-
 fn follow<A: Space>(
-    sim: &Simulation,
-    model: &A::Model,
-    start: (&[f64], &[f64]),
+    base: Base<A>,
+    model_of: fn(&Simulation) -> Option<A::Model>,
     duration: f64,
     parameters: &[Parameter],
     each: &mut dyn Maps,
 ) -> Result<End, SimError> {
-    let mut sims = Vec::new();
-    for parameter in parameters {
-        let by = DIFFERENCE * parameter.scale();
-        let changed: Vec<Simulation> =
-            AT.iter().map(|times| parameter.apply(sim, times * by)).collect::<Result<_, _>>()?;
-        if changed.iter().any(|other| other.chain != sim.chain || other.touches.len() != sim.touches.len()) {
-            let rule =
-                "it changes the chain or the number of possible contacts: a parameter must leave both as they are";
-            return Err(SimError::Setting { what: "parameter of a sensitivity", value: by, rule });
-        }
-        sims.push((changed, by));
-    }
+    let (sim, model, start) = base;
+    let others: Vec<Others<A>> = parameters.iter().map(|_| Others::<A>::new()).collect();
     let kinds = RefCell::new(Vec::new());
     let mut note = |seen: Seen| {
         if let Seen::Event(event) = seen {
@@ -278,13 +264,10 @@ fn follow<A: Space>(
         }
     };
     let run = Run::<A>::at_start(sim, model, start, Sampling::default(), &mut note)?;
-    let beside = |sim| Run::<A>::at_start(sim, model, start, Sampling::default(), silent());
-    let probe = beside(sim)?;
-    let mut changed = Vec::new();
-    for (sims, by) in &sims {
-        let [a, b, c, d] = &sims[..] else { continue };
-        changed.push(([beside(a)?, beside(b)?, beside(c)?, beside(d)?], *by));
-    }
+    let probe = Run::<A>::at_start(sim, model, start, Sampling::default(), silent())?;
+    let changed =
+        parameters.iter().zip(&others).map(|(parameter, others)| Changed::new(parameter, base, model_of, others));
+    let changed = changed.collect::<Result<_, _>>()?;
     let mut follow = Follow { run, probe, changed, kinds: &kinds };
     let end = sim.start_time + duration;
     let broken = match follow.whole(end, each) {
@@ -375,9 +358,6 @@ impl<A: Space> Follow<'_, '_, A> {
         let ending = self.run.leg()?;
         let path: Vec<Step> = self.run.sampler.path.take().unwrap_or_default();
         self.probe.motion.active = active.clone();
-        for (runs, _) in &mut self.changed {
-            runs.iter_mut().for_each(|run| run.motion.active = active.clone());
-        }
         for step in &path {
             let linear = LinearStep::of(step, &mut self.probe, &mut self.changed)?;
             let failed =
@@ -410,12 +390,9 @@ impl<A: Space> Follow<'_, '_, A> {
             Some(guard) => rate(&mut self.probe, guard, (time, &x), (&f, DIFFERENCE / pace))?,
             None => 1.0,
         };
-        let normal = match guard {
-            Some(guard) if guard.is() == Is::Gap => normal(&mut self.probe, guard, time, &x)?,
-            _ => None,
-        };
         let (history, active) = (self.run.history.clone(), active.clone());
-        let before = Before { time, x: DVector::from_vec(x), f, ending, guard, rate, normal, active, history };
+        let mut before =
+            Before { time, x: DVector::from_vec(x), f, ending, guard, rate, normal: None, active, history };
         self.run.act(ending)?;
         if self.run.motion.active.stepping {
             return self.broken(time, "time steps begin, which have no derivative");
@@ -428,11 +405,22 @@ impl<A: Space> Follow<'_, '_, A> {
         let rests = time_after >= self.run.end;
         let f = if rests { DVector::zeros(x.len()) } else { self.run.field(time_after, x.as_slice())? };
         let after = After { time: time_after, x, f, active: self.run.motion.active.clone() };
-        let (middle, _) = outcome(&mut self.probe, &before, &after.active, (time, before.x.as_slice()), self.run.end)?;
         let closed = match self.struck_alone(&before, &after) {
-            Some(touch) => jump(&mut self.probe, touch, &before)?,
+            Some(touch) => jump(&mut self.probe, touch, &before)?.map(|by| (touch, by)),
             None => None,
         };
+        let is_closed =
+            |changed: &Changed<A>| closed.is_some() && !matches!(changed.parameter.place(), Place::Anywhere);
+        let mut middle = None;
+        if closed.is_none() || !self.changed.iter().all(is_closed) {
+            self.probe.motion.active = before.active.clone();
+            if let Some(guard) = guard.filter(|guard| guard.is() == Is::Gap) {
+                before.normal = normal(&mut self.probe, guard, time, before.x.as_slice())?;
+            }
+            let at = (time, before.x.as_slice());
+            middle = Some(outcome(&mut self.probe, &before, &after.active, at, self.run.end)?.0);
+        }
+        let middle = middle.unwrap_or_default();
         let tangent = self.probe.tangent(before.x.as_slice());
         let inverse = left_inverse(&tangent);
         // In closed form along all directions; otherwise along those in which changes of start and parameters lead, each as far as the
@@ -445,10 +433,15 @@ impl<A: Space> Follow<'_, '_, A> {
         let mut time_by = DVector::zeros(basis.ncols());
         for (j, own) in basis.column_iter().enumerate() {
             let own = own.into_owned();
-            time_by[j] = self.time_by(&own, None, &before)?;
             let column = match &closed {
-                Some(by) => struck((own, time_by[j]), by, &inverse, (&before, &after)),
-                None => self.column_after((own, time_by[j]), None, &before, (&after, &middle))?,
+                Some((_, by)) => {
+                    time_by[j] = by.gap.get(j).map_or(0.0, |slope| -slope / rate);
+                    struck((own, time_by[j]), by, &inverse, (&before, &after))
+                }
+                None => {
+                    time_by[j] = self.time_by(&own, None, &before)?;
+                    self.column_after((own, time_by[j]), None, &before, (&after, &middle))?
+                }
             };
             map.set_column(j, &column);
         }
@@ -456,6 +449,14 @@ impl<A: Space> Follow<'_, '_, A> {
         let mut push = DMatrix::zeros(after.x.len(), parameters);
         let mut time_push = DVector::zeros(parameters);
         for p in 0..parameters {
+            if let Some((touch, by)) = closed.as_ref().filter(|_| is_closed(&self.changed[p])) {
+                let (sim, parameter) = (self.run.motion.sim, self.changed[p].parameter);
+                if parameter.is_of(&sim.touches[*touch]) {
+                    push.view_mut((sim.chain.nq(), p), (sim.chain.nv(), 1))
+                        .copy_from(by.coefficient(parameter.place()));
+                }
+                continue;
+            }
             let none = DVector::zeros(before.x.len());
             time_push[p] = self.time_by(&none, Some(p), &before)?;
             push.set_column(p, &self.column_after((none, time_push[p]), Some(p), &before, (&after, &middle))?);
@@ -493,12 +494,12 @@ impl<A: Space> Follow<'_, '_, A> {
         for (k, (times, weight)) in AT.iter().zip(WEIGHTS).enumerate() {
             let (run, beside, step) = match parameter {
                 Some(p) => {
-                    let (runs, by) = &mut self.changed[p];
-                    (&mut runs[k], before.x.clone(), *by)
+                    let by = self.changed[p].by;
+                    (&mut self.changed[p].runs(&before.active)?[k], before.x.clone(), by)
                 }
                 None => (&mut self.probe, &before.x + own * (times * wide), wide),
             };
-            run.motion.active = before.active.clone();
+            run.motion.active.clone_from(&before.active);
             slope += weight / step * value(run, guard, before.time, beside.as_slice())?.value;
         }
         Ok(-slope / before.rate)
@@ -512,14 +513,14 @@ impl<A: Space> Follow<'_, '_, A> {
         before: &Before,
         (after, middle): (&After, &DVector<f64>),
     ) -> Result<DVector<f64>, Stop> {
-        let mut h = parameter.map_or_else(|| DIFFERENCE / own.amax().max(1.0), |p| self.changed[p].1);
+        let mut h = parameter.map_or_else(|| DIFFERENCE / own.amax().max(1.0), |p| self.changed[p].by);
         let along = own + &before.f * time_by;
         h *= self.share(before, &along, h)?;
         let end = self.run.end;
         let mut found = Vec::with_capacity(AT.len());
         for (k, times) in AT.iter().enumerate() {
             let run = match parameter {
-                Some(p) => &mut self.changed[p].0[k],
+                Some(p) => &mut self.changed[p].runs(&before.active)?[k],
                 None => &mut self.probe,
             };
             let beside = &before.x + &along * (times * h);
@@ -583,7 +584,7 @@ fn directions(mut s: DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
 /// What a change of x, with the time of the event that it has, becomes by an impact with these derivatives.
 fn struck(
     (own, time_by): (DVector<f64>, f64),
-    by: &Derivatives,
+    Struck { jumped: by, .. }: &Struck,
     inverse: &DMatrix<f64>,
     (before, after): (&Before, &After),
 ) -> DVector<f64> {

@@ -298,7 +298,7 @@ impl<A: Space> Run<'_, '_, A> {
         let mut contacts = self.press_in_step(middle_time, &there)?;
         let Loads { tau, bends, .. } = self.motion.loads(middle_time, &there)?;
         let dry = self.motion.active.dry.clone();
-        let (stiffness, damping) = self.motion.regulation();
+        let (stiffness, damping) = self.motion.regulation(&[]);
         let Motion { model, workspace, couplings, gaps: near, scale, .. } = &mut self.motion;
         let mut view = View::closed_by(*model, workspace, &middle, couplings)?;
         let v = DVector::from_column_slice(&qd);

@@ -8,14 +8,16 @@
 //! | A, P | n×n, n×k | derivatives of f by x, and by the quantities at fixed x | `slope`, `push` |
 //! | c, a, b | s | points and weights of Gauss's method | [`Gauss`] |
 //!
-//! A is that of the linearised motion (`motion/slope.rs`), P are central differences of f. S is integrated over each step of the motion by
+//! A and P are those of the linearised motion (`motion/slope.rs`); where forces have no closed form, central differences. S is integrated over each step of the motion by
 //! Gauss's method of order 8 (Hairer, Nørsett & Wanner 1993, section II.7), which needs A at four times of the step only: the
 //! equations are linear, so its stages are the solution of one linear system.
 
+use super::changed::Changed;
 use super::run_state::Run;
 use super::sampler::Step;
 use crate::error::SimError;
-use crate::motion::{Hold, Lasting};
+use crate::model::Place;
+use crate::motion::{Hold, Lasting, Linear};
 use crate::state::Space;
 use nalgebra::{DMatrix, DVector, DVectorView, Dyn, LU, Matrix4, Vector3, Vector4};
 
@@ -123,22 +125,12 @@ impl<A: Space> Run<'_, '_, A> {
         self.motion.active.lasting.iter().any(slips)
     }
 
-    /// A and P. `changed`: see [`LinearStep::of`].
-    fn slopes(
-        &mut self,
-        time: f64,
-        x: &[f64],
-        changed: &mut [([Run<A>; 4], f64)],
-    ) -> Result<[DMatrix<f64>; 2], SimError> {
+    /// A and P.
+    fn slopes(&mut self, time: f64, x: &[f64], changed: &mut [Changed<A>]) -> Result<[DMatrix<f64>; 2], SimError> {
         let tangent = self.tangent(x);
         let y = self.y_of(x);
         if self.slips() {
             self.motion.follow_slip(time, &y)?;
-        }
-        for (runs, _) in &mut *changed {
-            // The direction of slip of this time: friction acts against it.
-            let lasting = &self.motion.active.lasting;
-            runs.iter_mut().for_each(|run| run.motion.active.lasting.clone_from(lasting));
         }
         let slowest = self.motion.slowest_slip(time, &y)?;
         let mut push = DMatrix::zeros(x.len(), changed.len());
@@ -149,10 +141,11 @@ impl<A: Space> Run<'_, '_, A> {
             for (j, direction) in tangent.column_iter().enumerate() {
                 slope.set_column(j, &self.difference(x, direction, slowest, |run, x| run.field(time, x))?);
             }
-            for (p, (runs, by)) in changed.iter_mut().enumerate() {
+            for (p, changed) in changed.iter_mut().enumerate() {
                 let mut column = push.column_mut(p);
-                for (run, weight) in runs.iter_mut().zip(WEIGHTS) {
-                    column += run.field(time, x)? * (weight / *by);
+                let by = changed.by;
+                for (run, weight) in changed.runs(&self.motion.active)?.iter_mut().zip(WEIGHTS) {
+                    column += run.field(time, x)? * (weight / by);
                 }
             }
         }
@@ -164,17 +157,27 @@ impl<A: Space> Run<'_, '_, A> {
         &mut self,
         (time, x): (f64, &[f64]),
         (y, tangent, slowest): (&[f64], &DMatrix<f64>, f64),
-        changed: &mut [([Run<A>; 4], f64)],
+        changed: &mut [Changed<A>],
         (slope, push): (&mut DMatrix<f64>, &mut DMatrix<f64>),
     ) -> Result<(), SimError> {
         let (nq, nv) = (self.motion.sim.chain.nq(), self.motion.sim.chain.nv());
         let at = self.motion.linear(time, y)?;
         let mut changes = Vec::with_capacity(tangent.ncols() + changed.len());
+        let bristles = 3 * self.motion.bristles.len();
+        let decoupled = self.motion.decoupled(&at);
         for (j, direction) in tangent.column_iter().enumerate() {
-            let mut change = self.difference(x, direction, slowest, |run, x| {
-                let y = run.y_of(x);
-                run.motion.balance(time, &y, &at)
-            })?;
+            let mut change = if let Some(slopes) = &decoupled {
+                let mut change = DVector::zeros(nv + bristles);
+                if let Some(slopes) = slopes.get(j / nv) {
+                    change[j % nv] = -slopes[j % nv];
+                }
+                change
+            } else {
+                self.difference(x, direction, slowest, |run, x| {
+                    let y = run.y_of(x);
+                    run.motion.balance(time, &y, &at)
+                })?
+            };
             if let Some(by) = at.inertial.get(j / nv) {
                 let mut forces = change.rows_mut(0, nv);
                 forces -= by.column(j % nv);
@@ -182,21 +185,9 @@ impl<A: Space> Run<'_, '_, A> {
             changes.push(change);
         }
         self.y_of(x); // the differences have changed what is remembered
-        for (runs, by) in changed {
-            let mut change: Option<DVector<f64>> = None;
-            for (run, weight) in runs.iter_mut().zip(WEIGHTS) {
-                let mut part = run.motion.balance(time, y, &at)?;
-                // The chain of all is the same; their gravity need not be.
-                if run.motion.sim.gravity != self.motion.sim.gravity {
-                    let needed = run.motion.inertial_forces(y, &at)?;
-                    part.as_mut_slice().iter_mut().zip(needed.iter()).for_each(|(part, needed)| *part -= needed);
-                }
-                part *= weight / *by;
-                change = Some(change.map_or(part.clone(), |sum| sum + part));
-            }
-            changes.extend(change);
+        for changed in changed {
+            changes.push(self.push_of(changed, (time, y), &at, changes[0].len())?);
         }
-        let bristles = 3 * self.motion.bristles.len();
         for (j, qdd) in self.motion.answers(y, &at, &changes)?.iter().enumerate() {
             let columns = tangent.ncols();
             let mut column = if j < columns { slope.column_mut(j) } else { push.column_mut(j - columns) };
@@ -218,6 +209,35 @@ impl<A: Space> Run<'_, '_, A> {
             slope.view_mut((0, j), (nq, 1)).copy_from(&rate);
         }
         Ok(())
+    }
+
+    /// δ̄ of a parameter, `len` numbers: see `motion/slope.rs`.
+    fn push_of(
+        &mut self,
+        changed: &mut Changed<A>,
+        (time, y): (f64, &[f64]),
+        at: &Linear,
+        len: usize,
+    ) -> Result<DVector<f64>, SimError> {
+        let mut change = DVector::zeros(len);
+        match changed.parameter.place() {
+            Place::Motor { name, joint } => change[joint.v] = self.motion.motor_by((name, &joint), y, at),
+            Place::Restitution | Place::Friction if self.motion.is_free(at) => {}
+            _ => {
+                let by = changed.by;
+                for (run, weight) in changed.runs(&self.motion.active)?.iter_mut().zip(WEIGHTS) {
+                    let mut part = run.motion.balance(time, y, at)?;
+                    // Those of all are the same, unless gravity or the chain is changed.
+                    let (own, sim) = (run.motion.sim, self.motion.sim);
+                    if own.gravity != sim.gravity || own.chain != sim.chain {
+                        let needed = run.motion.inertial_forces(y, at)?;
+                        part.as_mut_slice().iter_mut().zip(needed.iter()).for_each(|(part, needed)| *part -= needed);
+                    }
+                    change.axpy(weight / by, &part, 1.0);
+                }
+            }
+        }
+        Ok(change)
     }
 
     /// The derivative of a function of x along a direction, by a central difference of fourth order. `slowest`: the slowest slip, m/s, whose
@@ -272,8 +292,7 @@ pub(crate) struct LinearStep {
 }
 
 impl LinearStep {
-    /// `changed`: for each parameter the runs with it changed by the multiples [`AT`] of a number, and that number.
-    pub fn of<A: Space>(step: &Step, run: &mut Run<A>, changed: &mut [([Run<A>; 4], f64)]) -> Result<Self, SimError> {
+    pub fn of<A: Space>(step: &Step, run: &mut Run<A>, changed: &mut [Changed<A>]) -> Result<Self, SimError> {
         run.motion.sim.go_on(step.start)?;
         let h = step.end - step.start;
         let memory = run.remembered();

@@ -1,0 +1,109 @@
+//! The parameters by which a run is differentiated, and the runs beside it in which one of them is changed.
+
+use super::run_state::Run;
+use super::trajectory::{Sampling, Seen};
+use super::variation::AT;
+use crate::error::SimError;
+use crate::model::{Parameter, Place, Simulation};
+use crate::motion::ActiveSet;
+use crate::state::Space;
+use std::cell::OnceCell;
+
+/// Step of the central differences of events and parameters, for a number of size one.
+pub(crate) const DIFFERENCE: f64 = 1e-5;
+
+/// What a run is made of: the simulation, its chain in the plane or in space, and q and qd of the start.
+pub(crate) type Base<'a, A> = (&'a Simulation, &'a <A as Space>::Model, (&'a [f64], &'a [f64]));
+
+/// The simulations with a parameter changed by the multiples [`AT`] of a number, and their chains where they differ.
+pub(crate) type Others<A> = OnceCell<([Simulation; 4], Option<[<A as Space>::Model; 4]>)>;
+
+/// A parameter, and the runs in which it is changed, which are made when they are needed: its derivative may have closed forms.
+pub(crate) struct Changed<'a, 'w, A: Space> {
+    pub parameter: &'a Parameter,
+    /// The number of which multiples are added to it.
+    pub by: f64,
+    base: Base<'a, A>,
+    /// The chain of a changed simulation.
+    model: fn(&Simulation) -> Option<A::Model>,
+    others: &'a Others<A>,
+    runs: Option<[Run<'a, 'w, A>; 4]>,
+}
+
+impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
+    /// # Errors
+    /// [`SimError::Setting`] for a parameter that changes the joints, the number of possible contacts or the plane.
+    pub fn new(
+        parameter: &'a Parameter,
+        base: Base<'a, A>,
+        model: fn(&Simulation) -> Option<A::Model>,
+        others: &'a Others<A>,
+    ) -> Result<Self, SimError> {
+        let by = DIFFERENCE * parameter.scale();
+        let mut changed = Self { parameter, by, base, model, others, runs: None };
+        if matches!(parameter.place(), Place::Anywhere) {
+            changed.make()?;
+        }
+        Ok(changed)
+    }
+
+    fn make(&mut self) -> Result<&mut [Run<'a, 'w, A>; 4], SimError> {
+        let (_, model, start) = self.base;
+        if self.runs.is_none() {
+            let others = match self.others.get() {
+                Some(others) => others,
+                None => {
+                    let made = self.change()?;
+                    self.others.get_or_init(|| made)
+                }
+            };
+            let [a, b, c, d] = others.0.each_ref();
+            let beside = |k: usize, other| {
+                let model = others.1.as_ref().map_or(model, |models| &models[k]);
+                Run::at_start(other, model, start, Sampling::default(), silent())
+            };
+            self.runs = Some([beside(0, a)?, beside(1, b)?, beside(2, c)?, beside(3, d)?]);
+        }
+        self.runs.as_mut().map_or_else(|| unreachable!("the runs are made"), Ok)
+    }
+
+    fn change(&self) -> Result<([Simulation; 4], Option<[A::Model; 4]>), SimError> {
+        let sim = self.base.0;
+        let refused = |rule| SimError::Setting { what: "parameter of a sensitivity", value: self.by, rule };
+        let [a, b, c, d] = AT.map(|times| self.parameter.apply(sim, times * self.by));
+        let sims = [a?, b?, c?, d?];
+        let fits = |other: &Simulation| {
+            let (own, chain) = (&sim.chain, &other.chain);
+            (own.nq(), own.nv()) == (chain.nq(), chain.nv()) && other.touches.len() == sim.touches.len()
+        };
+        if !sims.iter().all(fits) {
+            let rule =
+                "it changes the joints or the number of possible contacts: a parameter must leave both as they are";
+            return Err(refused(rule));
+        }
+        if sims.iter().all(|other| other.chain == sim.chain) {
+            return Ok((sims, None));
+        }
+        let mut models = sims.iter().map_while(self.model);
+        let four = std::array::from_fn(|_| models.next());
+        let [Some(a), Some(b), Some(c), Some(d)] = four else {
+            return Err(refused("it takes the robot out of the plane in which it moves"));
+        };
+        Ok((sims, Some([a, b, c, d])))
+    }
+
+    /// The runs, in this mode.
+    ///
+    /// # Errors
+    /// Those of the start of a run.
+    pub fn runs(&mut self, active: &ActiveSet) -> Result<&mut [Run<'a, 'w, A>; 4], SimError> {
+        let runs = self.make()?;
+        runs.iter_mut().for_each(|run| run.motion.active.clone_from(active));
+        Ok(runs)
+    }
+}
+
+/// A callback that does nothing; it has no size, so nothing is allocated.
+pub(crate) fn silent<'w>() -> &'w mut dyn FnMut(Seen) {
+    Box::leak(Box::new(|_: Seen| {}))
+}
