@@ -415,6 +415,27 @@ impl Chain {
         of_two(py, given, (self.chain.nq(), out), |q, qd| self.chain.integrate(q, qd, dt))
     }
 
+    /// The rate of q at the velocity qd; shape of q. It is qd itself but for floating joints.
+    ///
+    /// Raises:
+    ///     StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
+    #[pyo3(signature = (q, qd, *, out=None))]
+    fn q_rate<'py>(
+        &self,
+        py: Python<'py>,
+        q: Given<'_, 'py>,
+        qd: Given<'_, 'py>,
+        out: Maybe<'_, 'py>,
+    ) -> PyResult<Array<'py>> {
+        let given = [("q", &self.q(q)?), ("qd", &self.v("qd", qd)?)];
+        let rate = |q: &[f64], qd: &[f64]| {
+            let mut rate = vec![0.0; q.len()];
+            self.chain.q_rate_into(q, qd, &mut rate);
+            Ok(rate)
+        };
+        of_two(py, given, (self.chain.nq(), out), rate)
+    }
+
     /// The constant velocity that moves the chain from q_from to q_to in one second; shape (nv,) or (B, nv).
     ///
     /// Raises:

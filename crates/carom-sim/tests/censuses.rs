@@ -48,3 +48,8 @@ fn large_ratios_and_many_bodies_end_in_time() {
 fn methods_agree_on_random_scenes() {
     holds("agreement");
 }
+
+#[test]
+fn derivatives_of_random_runs_are_differences_or_told_to_be_missing() {
+    holds("gradients");
+}

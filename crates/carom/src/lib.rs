@@ -34,6 +34,8 @@ mod book {
     mod tutorial_first_impact {}
     #[doc = include_str!("../../../book/src/task-derivatives.md")]
     mod task_derivatives {}
+    #[doc = include_str!("../../../book/src/task-gradients.md")]
+    mod task_gradients {}
     #[doc = include_str!("../../../book/src/task-rust.md")]
     mod task_rust {}
     #[doc = include_str!("../../../book/src/task-loop.md")]

@@ -7,6 +7,7 @@ pub mod build;
 pub mod case;
 pub mod energy;
 pub mod extremes;
+pub mod gradients;
 pub mod immobile;
 pub mod locked;
 pub mod random;
@@ -120,6 +121,13 @@ pub const CENSUSES: &[Census] = &[
         many: 5000,
         judge: agreement::judge,
         cases: |seed| vec![agreement::case(seed).1],
+    },
+    Census {
+        name: "gradients",
+        few: 24,
+        many: 2000,
+        judge: gradients::judge,
+        cases: |seed| vec![gradients::case(seed).1],
     },
 ];
 
