@@ -362,6 +362,12 @@ class Chain:
         Raises:
             StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
         """
+    def q_rate(self, q: ArrayLike, qd: ArrayLike, *, out: _Floats | None = None) -> _Floats:
+        """The rate of q at the velocity qd; shape of q. It is qd itself but for floating joints.
+
+        Raises:
+            StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
+        """
     def difference(self, q_from: ArrayLike, q_to: ArrayLike, *, out: _Floats | None = None) -> _Floats:
         """The constant velocity that moves the chain from q_from to q_to in one second; shape (nv,) or (B, nv).
 
