@@ -172,6 +172,18 @@ impl<A: Space> Motion<'_, A> {
         Ok(slowest)
     }
 
+    /// How far the state is from a kink of the contact forces: the least of the [slowest slip](Self::slowest_slip), m/s, and the depths of
+    /// compliant contacts, m; infinite without both.
+    pub fn nearest_kink(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
+        let mut nearest = self.slowest_slip(time, y)?;
+        for k in 0..self.active.lasting.len() {
+            if matches!(self.active.lasting[k].hold, Hold::Presses { .. }) {
+                nearest = nearest.min(-self.gap(self.active.lasting[k].touch, time, y)?.0);
+            }
+        }
+        Ok(nearest)
+    }
+
     /// The direction of slip that has begun, where it is fast enough, follows from it from now on. Contacts that begin to slide at
     /// one time are fast enough at one time, too: up to the error of the integration, and some of them have half that speed.
     pub fn started(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {

@@ -27,7 +27,7 @@ const DIFFERENCE: f64 = 1e-5;
 /// The multiples of the step at which a function is evaluated, and the weights of the derivative.
 pub(crate) const AT: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
 pub(crate) const WEIGHTS: [f64; 4] = [1.0 / 12.0, -8.0 / 12.0, 8.0 / 12.0, -1.0 / 12.0];
-/// Largest step of these differences relative to the slowest slip.
+/// Largest step of these differences relative to the distance to the nearest kink.
 const SHORT: f64 = 0.01;
 
 /// Gauss's collocation method with four stages.
@@ -132,14 +132,14 @@ impl<A: Space> Run<'_, '_, A> {
         if self.slips() {
             self.motion.follow_slip(time, &y)?;
         }
-        let slowest = self.motion.slowest_slip(time, &y)?;
+        let nearest = self.motion.nearest_kink(time, &y)?;
         let mut push = DMatrix::zeros(x.len(), changed.len());
         let mut slope = DMatrix::zeros(x.len(), tangent.ncols());
         if self.motion.is_linear() {
-            self.linear_slopes((time, x), (&y, &tangent, slowest), changed, (&mut slope, &mut push))?;
+            self.linear_slopes((time, x), (&y, &tangent, nearest), changed, (&mut slope, &mut push))?;
         } else {
             for (j, direction) in tangent.column_iter().enumerate() {
-                slope.set_column(j, &self.difference(x, direction, slowest, |run, x| run.field(time, x))?);
+                slope.set_column(j, &self.difference(x, direction, nearest, |run, x| run.field(time, x))?);
             }
             for (p, changed) in changed.iter_mut().enumerate() {
                 let mut column = push.column_mut(p);
@@ -156,7 +156,7 @@ impl<A: Space> Run<'_, '_, A> {
     fn linear_slopes(
         &mut self,
         (time, x): (f64, &[f64]),
-        (y, tangent, slowest): (&[f64], &DMatrix<f64>, f64),
+        (y, tangent, nearest): (&[f64], &DMatrix<f64>, f64),
         changed: &mut [Changed<A>],
         (slope, push): (&mut DMatrix<f64>, &mut DMatrix<f64>),
     ) -> Result<(), SimError> {
@@ -173,7 +173,7 @@ impl<A: Space> Run<'_, '_, A> {
                 }
                 change
             } else {
-                self.difference(x, direction, slowest, |run, x| {
+                self.difference(x, direction, nearest, |run, x| {
                     let y = run.y_of(x);
                     run.motion.balance(time, &y, &at)
                 })?
@@ -240,18 +240,19 @@ impl<A: Space> Run<'_, '_, A> {
         Ok(change)
     }
 
-    /// The derivative of a function of x along a direction, by a central difference of fourth order. `slowest`: the slowest slip, m/s, whose
-    /// direction is strongly curved in the velocities, and which must not stop within the difference.
+    /// The derivative of a function of x along a direction, by a central difference of fourth order. `nearest`: see
+    /// [`Motion::nearest_kink`](crate::motion::Motion::nearest_kink); near it the forces are strongly curved, and it must not be within the
+    /// difference.
     pub fn difference(
         &mut self,
         x: &[f64],
         direction: DVectorView<f64>,
-        slowest: f64,
+        nearest: f64,
         mut of: impl FnMut(&mut Self, &[f64]) -> Result<DVector<f64>, SimError>,
     ) -> Result<DVector<f64>, SimError> {
         let moving = x.iter().zip(direction.iter()).filter(|(_, d)| **d != 0.0);
         let size = moving.fold(1.0, |most: f64, (x, _)| most.max(x.abs()));
-        let h = (DIFFERENCE * size).min(SHORT * slowest).max(DIFFERENCE * DIFFERENCE);
+        let h = (DIFFERENCE * size).min(SHORT * nearest).max(DIFFERENCE * DIFFERENCE);
         let mut found: Option<DVector<f64>> = None;
         for (times, weight) in AT.iter().zip(WEIGHTS) {
             let moved: Vec<f64> = x.iter().zip(direction.iter()).map(|(x, d)| x + times * h * d).collect();

@@ -72,7 +72,11 @@ fn compare(scene: &Scene, seed: u64) -> Result<Found, SimError> {
 
 pub fn judge(seed: u64) -> Verdict {
     let (group, case) = case(seed);
-    let work = move || case.load().map(|scene| compare(&scene, seed));
+    let work = move || {
+        let scene = case.load()?;
+        scene.plan().map_err(|why| why.to_string())?;
+        Ok::<_, String>(compare(&scene, seed))
+    };
     let found = match watched(3.0 * LIMIT, work) {
         None => return Verdict::good(group, "slow", String::new()),
         Some(Err(panicked)) => return Verdict::bad(group, "panic", panicked),
