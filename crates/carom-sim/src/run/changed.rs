@@ -2,7 +2,6 @@
 
 use super::run_state::Run;
 use super::trajectory::{Sampling, Seen};
-use super::variation::AT;
 use crate::error::SimError;
 use crate::model::{Parameter, Place, Simulation};
 use crate::motion::ActiveSet;
@@ -11,6 +10,10 @@ use std::cell::OnceCell;
 
 /// Step of the central differences of events and parameters, for a number of size one.
 pub(crate) const DIFFERENCE: f64 = 1e-5;
+
+/// The multiples of the step at which a function is evaluated, and the weights of the derivative.
+pub(crate) const AT: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
+pub(crate) const WEIGHTS: [f64; 4] = [1.0 / 12.0, -8.0 / 12.0, 8.0 / 12.0, -1.0 / 12.0];
 
 /// What a run is made of: the simulation, its chain in the plane or in space, and q and qd of the start.
 pub(crate) type Base<'a, A> = (&'a Simulation, &'a <A as Space>::Model, (&'a [f64], &'a [f64]));

@@ -28,7 +28,7 @@
 //! **Where there is no derivative** the events of neighbouring motions are others, and E has a kink or a jump: it is compared
 //! with its own second differences, and the modes after the event must be the same.
 
-use super::changed::{Base, Changed, DIFFERENCE, Others, silent};
+use super::changed::{AT, Base, Changed, DIFFERENCE, Others, WEIGHTS, silent};
 use super::crossing::{After, Before, Struck, WIDE, jump, normal, outcome, rate, value};
 use super::guard::Ending;
 use super::guard::Is;
@@ -36,7 +36,7 @@ use super::linear_run::{AllColumns, EventTime, LinearEvent, LinearRun, Maps, Pie
 use super::run_state::Run;
 use super::sampler::Step;
 use super::trajectory::{EventKind, Sampling, Seen};
-use super::variation::{AT, LinearStep, WEIGHTS, left_inverse};
+use super::variation::{LinearStep, left_inverse};
 use crate::error::SimError;
 use crate::model::{Parameter, Place, Simulation};
 use crate::motion::{ActiveSet, Dry, Lasting};

@@ -12,7 +12,7 @@
 //! Gauss's method of order 8 (Hairer, Nørsett & Wanner 1993, section II.7), which needs A at four times of the step only: the
 //! equations are linear, so its stages are the solution of one linear system.
 
-use super::changed::Changed;
+use super::changed::{AT, Changed, WEIGHTS};
 use super::run_state::Run;
 use super::sampler::Step;
 use crate::error::SimError;
@@ -24,9 +24,6 @@ use nalgebra::{DMatrix, DVector, DVectorView, Dyn, LU, Matrix4, Vector3, Vector4
 /// Step of the central differences of fourth order, relative to the size of the number that is changed: of forces and of the places of
 /// contacts, whose error is then some 1e-11 of their size.
 const DIFFERENCE: f64 = 1e-5;
-/// The multiples of the step at which a function is evaluated, and the weights of the derivative.
-pub(crate) const AT: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
-pub(crate) const WEIGHTS: [f64; 4] = [1.0 / 12.0, -8.0 / 12.0, 8.0 / 12.0, -1.0 / 12.0];
 /// Largest step of these differences relative to the distance to the nearest kink.
 const SHORT: f64 = 0.01;
 
