@@ -19,7 +19,13 @@ pub(crate) const WEIGHTS: [f64; 4] = [1.0 / 12.0, -8.0 / 12.0, 8.0 / 12.0, -1.0 
 pub(crate) type Base<'a, A> = (&'a Simulation, &'a <A as Space>::Model, (&'a [f64], &'a [f64]));
 
 /// The simulations with a parameter changed by the multiples [`AT`] of a number, and their chains where they differ.
-pub(crate) type Others<A> = OnceCell<([Simulation; 4], Option<[<A as Space>::Model; 4]>)>;
+pub(crate) struct Four<A: Space> {
+    sims: [Simulation; 4],
+    models: Option<[A::Model; 4]>,
+}
+
+/// These, once they are made.
+pub(crate) type Others<A> = OnceCell<Four<A>>;
 
 /// A parameter, and the runs in which it is changed, which are made when they are needed: its derivative may have closed forms.
 pub(crate) struct Changed<'a, 'w, A: Space> {
@@ -60,9 +66,9 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
                     self.others.get_or_init(|| made)
                 }
             };
-            let [a, b, c, d] = others.0.each_ref();
+            let [a, b, c, d] = others.sims.each_ref();
             let beside = |k: usize, other| {
-                let model = others.1.as_ref().map_or(model, |models| &models[k]);
+                let model = others.models.as_ref().map_or(model, |models| &models[k]);
                 Run::at_start(other, model, start, Sampling::default(), silent())
             };
             self.runs = Some([beside(0, a)?, beside(1, b)?, beside(2, c)?, beside(3, d)?]);
@@ -70,7 +76,7 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
         self.runs.as_mut().map_or_else(|| unreachable!("the runs are made"), Ok)
     }
 
-    fn change(&self) -> Result<([Simulation; 4], Option<[A::Model; 4]>), SimError> {
+    fn change(&self) -> Result<Four<A>, SimError> {
         let sim = self.base.0;
         let refused = |rule| SimError::Setting { what: "parameter of a sensitivity", value: self.by, rule };
         let [a, b, c, d] = AT.map(|times| self.parameter.apply(sim, times * self.by));
@@ -85,14 +91,14 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
             return Err(refused(rule));
         }
         if sims.iter().all(|other| other.chain == sim.chain) {
-            return Ok((sims, None));
+            return Ok(Four { sims, models: None });
         }
         let mut models = sims.iter().map_while(self.model);
         let four = std::array::from_fn(|_| models.next());
         let [Some(a), Some(b), Some(c), Some(d)] = four else {
             return Err(refused("it takes the robot out of the plane in which it moves"));
         };
-        Ok((sims, Some([a, b, c, d])))
+        Ok(Four { sims, models: Some([a, b, c, d]) })
     }
 
     /// The runs, in this mode.
