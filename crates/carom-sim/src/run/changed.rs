@@ -8,7 +8,8 @@ use crate::motion::ActiveSet;
 use crate::state::Space;
 use std::cell::OnceCell;
 
-/// Step of the central differences of events and parameters, for a number of size one.
+/// Step of the central differences of fourth order, relative to the size of the number that is changed: of events, and of forces and
+/// places of contacts, whose error is then some 1e-11 of their size.
 pub(crate) const DIFFERENCE: f64 = 1e-5;
 
 /// The multiples of the step at which a function is evaluated, and the weights of the derivative.

@@ -12,7 +12,7 @@
 //! Gauss's method of order 8 (Hairer, Nørsett & Wanner 1993, section II.7), which needs A at four times of the step only: the
 //! equations are linear, so its stages are the solution of one linear system.
 
-use super::changed::{AT, Changed, WEIGHTS};
+use super::changed::{AT, Changed, DIFFERENCE, WEIGHTS};
 use super::run_state::Run;
 use super::sampler::Step;
 use crate::error::SimError;
@@ -21,9 +21,6 @@ use crate::motion::{Hold, Lasting, Linear};
 use crate::state::Space;
 use nalgebra::{DMatrix, DVector, DVectorView, Dyn, LU, Matrix4, Vector3, Vector4};
 
-/// Step of the central differences of fourth order, relative to the size of the number that is changed: of forces and of the places of
-/// contacts, whose error is then some 1e-11 of their size.
-const DIFFERENCE: f64 = 1e-5;
 /// Largest step of these differences relative to the distance to the nearest kink.
 const SHORT: f64 = 0.01;
 
