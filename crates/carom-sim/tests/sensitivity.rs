@@ -436,3 +436,11 @@ fn motors_at_their_limit_have_no_slope() {
     let other = differences(&sim, (&q, &qd), 0.2, &parameters, (&columns, 1e-3));
     assert!((found.last_by.unwrap() - other).amax() < 1e-9);
 }
+
+/// A robot without a moving joint has no derivatives, and no error.
+#[test]
+fn a_robot_that_cannot_move_has_empty_derivatives() {
+    let sim = Simulation::new(chain(&[Part::new("post", "base", "fixed", Z, [0.0; 3])]), vec![]);
+    let found = sim.sensitivity(&[], &[], 0.1, &[Parameter::friction()]).unwrap();
+    assert_eq!(found.last_by.unwrap().shape(), (0, 1));
+}

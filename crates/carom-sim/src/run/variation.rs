@@ -179,8 +179,9 @@ impl<A: Space> Run<'_, '_, A> {
             changes.push(change);
         }
         self.y_of(x); // the differences have changed what is remembered
+        let len = changes.first().map_or(0, DVector::len);
         for changed in changed {
-            changes.push(self.push_of(changed, (time, y), &at, changes[0].len())?);
+            changes.push(self.push_of(changed, (time, y), &at, len)?);
         }
         for (j, qdd) in self.motion.answers(y, &at, &changes)?.iter().enumerate() {
             let columns = tangent.ncols();
@@ -335,7 +336,7 @@ impl LinearStep {
             positions += s.rows(nq, nq) * (h * Step::POINTS[i]);
             right.view_mut((i * r, 0), (r, k)).copy_from(&(&self.slopes[i] * middle + &self.pushes[i] * changes));
         }
-        if !self.stages(gauss, false).solve_mut(&mut right) {
+        if r > 0 && !self.stages(gauss, false).solve_mut(&mut right) {
             return None;
         }
         let ahead = gauss.a.tr_mul(&gauss.b);
@@ -363,7 +364,7 @@ impl LinearStep {
             let mut velocities = weights.rows_mut(i * r, nq);
             velocities += lambda.rows(0, nq) * (h * h * ahead[i]);
         }
-        if !self.stages(gauss, true).solve_mut(&mut weights) {
+        if r > 0 && !self.stages(gauss, true).solve_mut(&mut weights) {
             return None;
         }
         let mut before = lambda.clone();
