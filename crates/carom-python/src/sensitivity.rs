@@ -47,7 +47,7 @@ impl Sensitivity {
     }
 }
 
-/// By what a run is differentiated.
+/// The parameters of a derivative of a run, and the columns that are asked for.
 pub struct Chosen {
     pub parameters: Vec<Parameter>,
     /// The columns of the result among those of the whole start and of these parameters.

@@ -82,8 +82,8 @@ impl Scene {
     ///
     /// Raises:
     ///     ValueError: a name that the scene does not have; a key that is no number, or that changes the start or the duration.
-    ///     SimulationError: as `simulate`; a key that changes the chain. A run that is not differentiable is no error: see
-    ///         `Sensitivity.broken`.
+    ///     SimulationError: as `simulate`; a key that changes the joints or the possible contacts. A run that is not differentiable is no
+    ///         error: see `Sensitivity.broken`.
     #[pyo3(signature = (wrt=None))]
     fn sensitivity(&self, py: Python<'_>, wrt: Option<Vec<String>>) -> PyResult<Sensitivity> {
         let mut plan = py.detach(|| self.scene.plan()).map_err(raise)?;

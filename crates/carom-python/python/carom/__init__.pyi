@@ -1191,7 +1191,7 @@ class Scene:
 
         Raises:
             ValueError: a name that the scene does not have; a key that is no number, or that changes the start or the duration.
-            SimulationError: as `simulate`; a key that changes the chain. A run that is not differentiable is no error: see
+            SimulationError: as `simulate`; a key that changes the joints or the possible contacts. A run that is not differentiable is no error: see
                 `Sensitivity.broken`.
         """
     def linear_run(self, wrt: Sequence[str] | None = None) -> LinearRun:

@@ -68,20 +68,22 @@ class Run(_Function):
         columns = [by[..., :nv] @ starts, by[..., nv : 2 * nv]] + [by[..., 2 * nv + k, None] for k in range(len(self.keys))]
         return values, [[ends @ it[:, :nv] for it in columns], [it[:, nv:] for it in columns]]
 
+    def check(self, numbers):
+        if len(numbers) != len(self.keys):
+            raise TypeError(f"{len(numbers)} numbers are given for {len(self.keys)} keys: {', '.join(self.keys) or 'none'}")
+
     def _one(self, row, derivatives):
         q, qd, *numbers = row
         scene = self.scene.with_start(q, qd)
         if self.keys:
             scene = scene.with_keys({key: float(number) for key, number in zip(self.keys, numbers)})
-        if not derivatives:
-            return scene.simulate().last[1:], None
-        found = scene.sensitivity(["q", "qd", *self.keys])
-        if found.broken is not None:
+        found = scene.sensitivity(["q", "qd", *self.keys]) if derivatives else scene.simulate()
+        if derivatives and found.broken is not None:
             time, reason = found.broken["time"], found.broken["reason"]
             raise _errors.SimulationError(f"the run has no derivative after t = {time} s: {reason}")
         if len(found.last[1]) != len(q):
-            raise _errors.SimulationError("the plan leaves out joints, which then have no derivatives: set [run] neglect = 0")
-        return found.last[1:], found.last_by
+            raise _errors.SimulationError("the plan leaves out joints: keep all of them by [run] model = \"full\"")
+        return found.last[1:], found.last_by if derivatives else None
 
 
 def _tangent(chain, q):

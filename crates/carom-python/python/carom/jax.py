@@ -49,11 +49,11 @@ def run(scene: _Scene, wrt: _Sequence[str] = ()) -> _Callable[..., tuple[_jax.Ar
     Returns:
         A function ``f(q, qd, *numbers)``, with a number for each of ``wrt``, that returns q and qd at the end, shapes (nq,) and (nv,).
     """
-    function = _differentiable(_autodiff.Run(scene, list(wrt)))
+    own = _autodiff.Run(scene, list(wrt))
+    function = _differentiable(own)
 
     def state(q: _Any, qd: _Any, *numbers: _Any) -> tuple[_jax.Array, _jax.Array]:
-        if len(numbers) != len(wrt):
-            raise TypeError(f"{len(numbers)} numbers are given for {len(wrt)} keys: {', '.join(wrt) or 'none'}")
+        own.check(numbers)
         return function(q, qd, *numbers)
 
     return state

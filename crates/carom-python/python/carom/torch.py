@@ -53,22 +53,21 @@ def run(scene: _Scene, wrt: _Sequence[str] = ()) -> _Callable[..., tuple[_torch.
     function = _autodiff.Run(scene, list(wrt))
 
     def state(q: _Any, qd: _Any, *numbers: _Any) -> tuple[_torch.Tensor, _torch.Tensor]:
-        if len(numbers) != len(wrt):
-            raise TypeError(f"{len(numbers)} numbers are given for {len(wrt)} keys: {', '.join(wrt) or 'none'}")
+        function.check(numbers)
         return _Function.apply(function, *_double(q, qd, *numbers))
 
     return state
 
 
 def _double(*arguments):
-    return [_torch.as_tensor(it, dtype=_torch.float64) for it in arguments]
+    return [_torch.as_tensor(it, dtype=_torch.float64, device="cpu") for it in arguments]
 
 
 class _Function(_torch.autograd.Function):
     @staticmethod
     def forward(context, function, *arguments):
         needed = any(context.needs_input_grad[1:])
-        values, by = function([it.detach().cpu().numpy() for it in arguments], needed)
+        values, by = function([it.detach().numpy() for it in arguments], needed)
         context.by, context.shapes, context.axes = by, [it.shape for it in arguments], function.inputs
         return tuple(_torch.from_numpy(_np.array(it)) for it in values)
 

@@ -39,7 +39,8 @@ impl ControlLaw for Pd {
         match name {
             "kp" => self.target[joint.q] - q[joint.q],
             "kd" => -qd[joint.v],
-            _ => self.kp.at(joint.v),
+            "target" => self.kp.at(joint.v),
+            _ => 0.0,
         }
     }
 

@@ -40,8 +40,8 @@ impl ControlLaw for Vec<f64> {
         true
     }
 
-    fn force_by(&self, _: &str, _: &Motor, _: State) -> f64 {
-        1.0
+    fn force_by(&self, name: &str, _: &Motor, _: State) -> f64 {
+        if name == "torque" { 1.0 } else { 0.0 }
     }
 
     fn drive<A: Space>(&self, _: &Asked, _: Body<A>, _: State, add: Add) -> Result<(), SimError> {

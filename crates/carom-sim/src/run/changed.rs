@@ -52,12 +52,16 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
         let by = DIFFERENCE * parameter.scale();
         let mut changed = Self { parameter, by, base, model, others, runs: None };
         if matches!(parameter.place(), Place::Anywhere) {
-            changed.make()?;
+            changed.runs()?;
         }
         Ok(changed)
     }
 
-    fn make(&mut self) -> Result<&mut [Run<'a, 'w, A>; 4], SimError> {
+    /// The runs, in any mode.
+    ///
+    /// # Errors
+    /// Those of the change and of the start of a run.
+    pub fn runs(&mut self) -> Result<&mut [Run<'a, 'w, A>; 4], SimError> {
         let (_, model, start) = self.base;
         if self.runs.is_none() {
             let others = match self.others.get() {
@@ -102,12 +106,12 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
         Ok(Four { sims, models: Some([a, b, c, d]) })
     }
 
-    /// The runs, in this mode.
+    /// [`Changed::runs`] in this mode.
     ///
     /// # Errors
-    /// Those of the start of a run.
-    pub fn runs(&mut self, active: &ActiveSet) -> Result<&mut [Run<'a, 'w, A>; 4], SimError> {
-        let runs = self.make()?;
+    /// As there.
+    pub fn runs_in(&mut self, active: &ActiveSet) -> Result<&mut [Run<'a, 'w, A>; 4], SimError> {
+        let runs = self.runs()?;
         runs.iter_mut().for_each(|run| run.motion.active.clone_from(active));
         Ok(runs)
     }

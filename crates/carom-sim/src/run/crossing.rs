@@ -1,4 +1,4 @@
-//! The event at the end of a leg as a map E from time and state before it to time and state after it, which `sensitivity.rs`
+//! The event at the end of a leg as a map E from time and state before it to time and state after it, which `event_derivative.rs`
 //! differentiates; and its derivative in closed form where it is the impact of one touch that opens again.
 
 use super::guard::Ending;

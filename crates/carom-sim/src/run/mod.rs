@@ -20,8 +20,10 @@ macro_rules! in_its_space {
 mod branch;
 mod changed;
 mod crossing;
+mod event_derivative;
 mod events;
 mod flow;
+mod follow;
 mod guard;
 mod guarded;
 mod history;
@@ -43,9 +45,10 @@ mod stream;
 mod trajectory;
 mod variation;
 
+pub use follow::Broken;
 pub use linear_run::{EventTime, LinearRun};
 pub use named::{AtContact, NamedEvent, UnderLaw};
-pub use sensitivity::{Broken, Sensitivity};
+pub use sensitivity::Sensitivity;
 pub use session::{Advance, Session, SessionState};
 pub use trajectory::{
     EnergyBooks, Event, EventKind, EventLoads, Sampling, Seen, Segment, Statistics, StepReason, StopReason, Summary,

@@ -8,9 +8,9 @@
 //! | A, P | n×n, n×k | derivatives of f by x, and by the quantities at fixed x | `slope`, `push` |
 //! | c, a, b | s | points and weights of Gauss's method | [`Gauss`] |
 //!
-//! A and P are those of the linearised motion (`motion/slope.rs`); where forces have no closed form, central differences. S is integrated over each step of the motion by
-//! Gauss's method of order 8 (Hairer, Nørsett & Wanner 1993, section II.7), which needs A at four times of the step only: the
-//! equations are linear, so its stages are the solution of one linear system.
+//! A and P are those of the linearised motion (`motion/slope.rs`), with central differences of the forces that have no closed form. S is
+//! integrated over each step of the motion by Gauss's method of order 8 (Hairer, Nørsett & Wanner 1993, section II.7), which needs A at
+//! four times of the step only: the equations are linear, so its stages are the solution of one linear system.
 
 use super::changed::{AT, Changed, DIFFERENCE, WEIGHTS};
 use super::run_state::Run;
@@ -138,7 +138,7 @@ impl<A: Space> Run<'_, '_, A> {
             for (p, changed) in changed.iter_mut().enumerate() {
                 let mut column = push.column_mut(p);
                 let by = changed.by;
-                for (run, weight) in changed.runs(&self.motion.active)?.iter_mut().zip(WEIGHTS) {
+                for (run, weight) in changed.runs_in(&self.motion.active)?.iter_mut().zip(WEIGHTS) {
                     column += run.field(time, x)? * (weight / by);
                 }
             }
@@ -220,7 +220,7 @@ impl<A: Space> Run<'_, '_, A> {
             Place::Restitution | Place::Friction if self.motion.is_free(at) => {}
             _ => {
                 let by = changed.by;
-                for (run, weight) in changed.runs(&self.motion.active)?.iter_mut().zip(WEIGHTS) {
+                for (run, weight) in changed.runs_in(&self.motion.active)?.iter_mut().zip(WEIGHTS) {
                     let mut part = run.motion.balance(time, y, at)?;
                     // Those of all are the same, unless gravity or the chain is changed.
                     let (own, sim) = (run.motion.sim, self.motion.sim);

@@ -124,7 +124,7 @@ pub const CENSUSES: &[Census] = &[
     },
     Census {
         name: "gradients",
-        few: 24,
+        few: 12,
         many: 2000,
         judge: gradients::judge,
         cases: |seed| vec![gradients::case(seed).1],

@@ -33,7 +33,7 @@ impl Values {
         self.axes.len() == 1 || (self.axes.len() == 2 && !self.axes[1].names().is_empty())
     }
 
-    /// Smallest and greatest finite value. If both are equal, an interval around the value; without finite values (0, 1).
+    /// The range of the finite values. Equal values get an interval around them; without finite values the range is (0, 1).
     #[doc(hidden)]
     pub fn range(&self) -> (f64, f64) {
         let finite = self.values.iter().filter(|x| x.is_finite());

@@ -1,0 +1,275 @@
+//! The derivative of an event: its saltation matrix, and the derivatives of its time.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | S⁻, S⁺ | n×k | derivatives before and after an event | – |
+//! | w | 1 | the guard that fired | – |
+//! | τ′ | k | derivatives of the time of the event | `time_by` |
+//! | E | – | what an event does: (t, x) before it to (t, x) after it | `crossing.rs` |
+//! | Ξ | n⁺×n | saltation matrix: S⁺ = Ξ S⁻ + the columns of the parameters | [`LinearEvent`] |
+//!
+//! An event at w(t, x) = 0 has τ′ = −(∂w S⁻ + ∂ₚw)/ẇ. For a change of the j-th quantity by δ the event takes place at t + τ′ⱼδ in the state
+//! x + (S⁻ⱼ + f⁻τ′ⱼ)δ, from which it leads to E. So
+//!
+//! ```text
+//! S⁺ⱼ = dE/dδ − f⁺ dt⁺/dδ
+//! ```
+//!
+//! where t⁺ is the time after the event, which differs from t at the end of an accumulation of impacts. With S⁻ = 1 this is the
+//! saltation matrix (Aizerman & Gantmacher 1958; Leine & Nijmeijer 2004, section 7) of every event, whatever it consists of: an impact,
+//! the impact of several contacts, the beginning and the end of a contact, slip that stops. Of the impact of one touch that opens again
+//! dE/dδ has a closed form; otherwise it is a central difference of fourth order of the program that computes the event, from states that
+//! are on the constraints and on w = 0.
+//!
+//! **Where there is no derivative** the events of neighbouring motions are others, and E has a kink or a jump: it is compared
+//! with its own second differences, and the modes after the event must be the same.
+
+use super::changed::{AT, Changed, DIFFERENCE, WEIGHTS};
+use super::crossing::{After, Before, Struck, WIDE, jump, normal, outcome, rate, value};
+use super::follow::{Follow, Noted, Stop};
+use super::guard::{Ending, Is};
+use super::linear_run::{LinearEvent, Maps};
+use super::variation::left_inverse;
+use crate::error::SimError;
+use crate::model::Place;
+use crate::motion::{ActiveSet, Dry, Lasting};
+use crate::state::{EXACT, Space};
+use nalgebra::{DMatrix, DVector};
+
+/// An event whose guard changes by less than this in the time in which the state changes by its own size is a grazing
+/// one.
+const GRAZING: f64 = 1e-7;
+/// An event whose guard changes by less than this in that time has no derivative of its time that is told: the error of S,
+/// about 1e-8, is divided by this rate.
+const FAINT: f64 = 1e-3;
+/// The share of its approach speed by which an impact may be slower beside the motion.
+const SLOWER: f64 = 1e-2;
+/// A second difference above this share of the first may be a kink.
+const KINK: f64 = 0.05;
+
+impl<A: Space> Follow<'_, '_, A> {
+    /// Ξ, τ′, and what the parameters add.
+    pub(super) fn event(
+        &mut self,
+        ending: Ending,
+        active: &ActiveSet,
+        each: &mut dyn Maps,
+    ) -> Result<LinearEvent, Stop> {
+        let (time, x) = (self.run.time, self.run.x());
+        let f = self.probe.field(time, &x)?;
+        let guard = if let Ending::Fired(guard) = ending { Some(guard) } else { None };
+        let pace = self.pace(&x);
+        let rate = match guard {
+            Some(guard) => rate(&mut self.probe, guard, (time, &x), (&f, DIFFERENCE / pace))?,
+            None => 1.0,
+        };
+        let (history, active) = (self.run.history.clone(), active.clone());
+        let mut before =
+            Before { time, x: DVector::from_vec(x), f, ending, guard, rate, normal: None, active, history };
+        self.run.act(ending)?;
+        if self.run.motion.active.stepping {
+            return self.broken(time, "time steps begin, which have no derivative");
+        }
+        let is_force = guard.is_some_and(|guard| guard.is() == Is::Force);
+        if rate == 0.0 || !is_force && rate.abs() <= GRAZING * pace {
+            return self.broken(time, "it grazes: a neighbouring motion may miss this event");
+        }
+        let (x, time_after) = (DVector::from_vec(self.run.x()), self.run.time);
+        let rests = time_after >= self.run.end;
+        let f = if rests { DVector::zeros(x.len()) } else { self.run.field(time_after, x.as_slice())? };
+        let after = After { time: time_after, x, f, active: self.run.motion.active.clone() };
+        let closed = match self.struck_alone(&before, &after) {
+            Some(touch) => jump(&mut self.probe, touch, &before)?.map(|by| (touch, by)),
+            None => None,
+        };
+        let is_closed =
+            |changed: &Changed<A>| closed.is_some() && !matches!(changed.parameter.place(), Place::Anywhere);
+        let mut middle = None;
+        if closed.is_none() || !self.changed.iter().all(is_closed) {
+            self.probe.motion.active = before.active.clone();
+            if let Some(guard) = guard.filter(|guard| guard.is() == Is::Gap) {
+                before.normal = normal(&mut self.probe, guard, time, before.x.as_slice())?;
+            }
+            let at = (time, before.x.as_slice());
+            middle = Some(outcome(&mut self.probe, &before, &after.active, at, self.run.end)?.0);
+        }
+        let middle = middle.unwrap_or_default();
+        let tangent = self.probe.tangent(before.x.as_slice());
+        let inverse = left_inverse(&tangent);
+        // In closed form along all directions; otherwise along those in which changes of start and parameters lead, each as far as the
+        // others: beside them the constraints and the modes of the motion need not hold.
+        let (basis, coordinates) = match &closed {
+            Some(_) => (tangent, inverse.clone()),
+            None => directions(each.columns().unwrap_or(tangent)),
+        };
+        let mut map = DMatrix::zeros(after.x.len(), basis.ncols());
+        let mut time_by = DVector::zeros(basis.ncols());
+        for (j, own) in basis.column_iter().enumerate() {
+            let own = own.into_owned();
+            let column = match &closed {
+                Some((_, by)) => {
+                    time_by[j] = by.gap.get(j).map_or(0.0, |slope| -slope / rate);
+                    struck((own, time_by[j]), by, &inverse, (&before, &after))
+                }
+                None => {
+                    time_by[j] = self.time_by(&own, None, &before)?;
+                    self.column_after((own, time_by[j]), None, &before, (&after, &middle))?
+                }
+            };
+            map.set_column(j, &column);
+        }
+        let parameters = self.changed.len();
+        let mut push = DMatrix::zeros(after.x.len(), parameters);
+        let mut time_push = DVector::zeros(parameters);
+        for p in 0..parameters {
+            if let Some((touch, by)) = closed.as_ref().filter(|_| is_closed(&self.changed[p])) {
+                let (sim, parameter) = (self.run.motion.sim, self.changed[p].parameter);
+                if parameter.is_of(&sim.touches[*touch]) {
+                    push.view_mut((sim.chain.nq(), p), (sim.chain.nv(), 1))
+                        .copy_from(by.coefficient(parameter.place()));
+                }
+                continue;
+            }
+            let none = DVector::zeros(before.x.len());
+            time_push[p] = self.time_by(&none, Some(p), &before)?;
+            push.set_column(p, &self.column_after((none, time_push[p]), Some(p), &before, (&after, &middle))?);
+        }
+        Ok(LinearEvent {
+            time,
+            kinds: self.kinds.borrow_mut().drain(..).map(|noted| noted.kind).collect(),
+            map: map * &coordinates,
+            push,
+            time_by: coordinates.tr_mul(&time_by),
+            time_push,
+            counts: is_force || rate.abs() > FAINT * pace,
+        })
+    }
+
+    /// The touch of an event that is its impact and nothing else, whose derivative has a closed form.
+    fn struck_alone(&self, before: &Before, after: &After) -> Option<usize> {
+        let sim = self.run.motion.sim;
+        let kinds = self.kinds.borrow();
+        let [Noted { touch: Some(touch), .. }] = kinds.as_slice() else { return None };
+        let gap = before.guard.is_some_and(|guard| guard.is() == Is::Gap);
+        let free = !before.active.lasting.iter().any(Lasting::is_rigid)
+            && !before.active.dry.iter().any(|joint| joint.state == Dry::Holds);
+        let same = before.active.is_alike(&after.active) && before.x.len() == after.x.len();
+        (gap && free && same && sim.loops.is_empty() && sim.neglect.is_none() && after.time == before.time)
+            .then_some(*touch)
+    }
+
+    /// τ′ of a change of x, or of a parameter.
+    fn time_by(&mut self, own: &DVector<f64>, parameter: Option<usize>, before: &Before) -> Result<f64, Stop> {
+        let Some(guard) = before.guard else { return Ok(0.0) };
+        // Guards are smooth, so a larger step has less rounding.
+        let wide = WIDE / own.amax().max(1.0);
+        let mut slope = 0.0;
+        for (k, (times, weight)) in AT.iter().zip(WEIGHTS).enumerate() {
+            let (run, beside, step) = match parameter {
+                Some(p) => {
+                    let by = self.changed[p].by;
+                    (&mut self.changed[p].runs()?[k], before.x.clone(), by)
+                }
+                None => (&mut self.probe, &before.x + own * (times * wide), wide),
+            };
+            run.motion.active.clone_from(&before.active);
+            slope += weight / step * value(run, guard, before.time, beside.as_slice())?.value;
+        }
+        Ok(-slope / before.rate)
+    }
+
+    /// What a change of x, or of a parameter, becomes by the event. `middle`: the outcome without a change.
+    fn column_after(
+        &mut self,
+        (own, time_by): (DVector<f64>, f64),
+        parameter: Option<usize>,
+        before: &Before,
+        (after, middle): (&After, &DVector<f64>),
+    ) -> Result<DVector<f64>, Stop> {
+        let mut h = parameter.map_or_else(|| DIFFERENCE / own.amax().max(1.0), |p| self.changed[p].by);
+        let along = own + &before.f * time_by;
+        h *= self.share(before, &along, h)?;
+        let end = self.run.end;
+        let mut found = Vec::with_capacity(AT.len());
+        for (k, times) in AT.iter().enumerate() {
+            let run = match parameter {
+                Some(p) => &mut self.changed[p].runs()?[k],
+                None => &mut self.probe,
+            };
+            let beside = &before.x + &along * (times * h);
+            let at = (before.time + times * h * time_by, beside.as_slice());
+            match outcome(run, before, &after.active, at, end) {
+                Ok(outcome) if run.motion.active.is_alike(&after.active) => found.push(outcome),
+                Ok(_) | Err(SimError::Overlap { .. }) => {
+                    return self
+                        .broken(before.time, "a neighbouring motion goes on in another mode or order of events");
+                }
+                Err(error) => return Err(error.into()),
+            }
+        }
+        let mut moved = DVector::zeros(after.x.len());
+        let mut later = 0.0;
+        for ((there, time), weight) in found.iter().zip(WEIGHTS) {
+            moved += there * (weight / h);
+            later += (time - after.time) * (weight / h);
+        }
+        // Of a smooth outcome the second differences at one and two steps are as 1 : 4, at a kink as 1 : 2, at a jump as 1 : 1.
+        let bends = [1, 0].map(|k| (&found[k].0 + &found[3 - k].0 - middle * 2.0).amax() / h);
+        if bends[0] > KINK * moved.amax().max(1.0) && bends[1] < 3.0 * bends[0] {
+            return self
+                .broken(before.time, "neighbouring motions have other events at the same time, in another order");
+        }
+        Ok(moved - &after.f * later)
+    }
+
+    /// By what the step `h` is too long: the approach speed of a slow impact changes by as much as itself within a small change of
+    /// the state, and the outcome is not smooth beyond that.
+    fn share(&mut self, before: &Before, along: &DVector<f64>, h: f64) -> Result<f64, Stop> {
+        let Before { guard: Some(guard), normal: Some(_), time, .. } = *before else { return Ok(1.0) };
+        self.probe.motion.active = before.active.clone();
+        let beside = &before.x + along * h;
+        let there = rate(&mut self.probe, guard, (time, beside.as_slice()), (&before.f, DIFFERENCE))?;
+        Ok((SLOWER * before.rate.abs() / (there - before.rate).abs()).min(1.0))
+    }
+
+    /// The largest velocity, 1/s: the reciprocal of the time in which the state changes by its own size.
+    fn pace(&self, x: &[f64]) -> f64 {
+        let (nq, nv) = (self.run.motion.sim.chain.nq(), self.run.motion.sim.chain.nv());
+        x[nq..nq + nv].iter().fold(1.0, |most: f64, v| most.max(v.abs()))
+    }
+}
+
+/// The directions of the columns of S, of which none counts as longer than one, by their singular values, the largest of size one; and the
+/// matrix of the coordinates of x along them.
+fn directions(mut s: DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+    s.column_iter_mut().for_each(|mut column| column /= column.amax().max(1.0));
+    let svd = s.svd(true, false);
+    let sizes = &svd.singular_values;
+    let u = svd.u.unwrap_or_default();
+    let most = sizes.max();
+    let kept: Vec<usize> = (0..sizes.len()).filter(|&i| sizes[i] > EXACT * most).collect();
+    let share = |i: usize| sizes[i] / most;
+    let basis = DMatrix::from_fn(u.nrows(), kept.len(), |r, i| u[(r, kept[i])] * share(kept[i]));
+    let coordinates = DMatrix::from_fn(kept.len(), u.nrows(), |i, r| u[(r, kept[i])] / share(kept[i]));
+    (basis, coordinates)
+}
+
+/// What a change of x, with the time of the event that it has, becomes by an impact with these derivatives.
+fn struck(
+    (own, time_by): (DVector<f64>, f64),
+    Struck { jumped: by, .. }: &Struck,
+    inverse: &DMatrix<f64>,
+    (before, after): (&Before, &After),
+) -> DVector<f64> {
+    let along = own + &before.f * time_by;
+    let nv = by.qd.ncols();
+    let moved = inverse * &along;
+    let mut jumped = &by.q * moved.rows(0, nv) + &by.qd * moved.rows(nv, nv);
+    if let Some(time) = &by.time {
+        jumped += time * time_by;
+    }
+    let nq = along.len() - (moved.len() - nv);
+    let mut out = along;
+    out.rows_mut(nq, nv).copy_from(&jumped);
+    out - &after.f * time_by
+}

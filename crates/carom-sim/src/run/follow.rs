@@ -1,0 +1,215 @@
+//! A run with its derivatives: from event to event, one linear map for each step of the motion and each event.
+//!
+//! Between events S follows the variational equations (`variation.rs`); an event is linearised in `event_derivative.rs`.
+
+use super::changed::{AT, Base, Changed, DIFFERENCE, Others, WEIGHTS, silent};
+use super::guard::Ending;
+use super::linear_run::{Maps, Piece};
+use super::run_state::Run;
+use super::sampler::Step;
+use super::trajectory::{EventKind, Sampling, Seen};
+use super::variation::{LinearStep, left_inverse};
+use crate::error::SimError;
+use crate::model::{Parameter, Simulation};
+use crate::motion::{ActiveSet, Dry, Lasting};
+use crate::state::{Moment, Space};
+use carom_chain::{Planar, PlanarChain, Spatial};
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+use std::cell::RefCell;
+
+/// Where the outcome of a run is not differentiable.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Broken {
+    /// Time, s.
+    pub time: f64,
+    /// Why.
+    pub reason: String,
+}
+
+/// The end of a run that was differentiated.
+pub(super) struct End {
+    pub(super) last: Moment,
+    /// From x to the final displacement and velocity, 2nv×n.
+    pub(super) tangent: DMatrix<f64>,
+    pub(super) broken: Option<Broken>,
+}
+
+pub(super) fn differentiate(
+    simulation: &Simulation,
+    flat: Option<&PlanarChain>,
+    (start, duration): ((&[f64], &[f64]), f64),
+    parameters: &[Parameter],
+    each: &mut dyn Maps,
+) -> Result<End, SimError> {
+    simulation.check(start.0, start.1, duration, None)?;
+    match flat {
+        Some(model) => {
+            follow::<Planar<f64>>((simulation, model, start), Simulation::in_plane, duration, parameters, each)
+        }
+        None => {
+            let chain = |other: &Simulation| Some(other.chain.clone());
+            follow::<Spatial<f64>>((simulation, &simulation.chain, start), chain, duration, parameters, each)
+        }
+    }
+}
+
+/// A run with its derivatives.
+pub(super) struct Follow<'a, 'w, A: Space> {
+    pub(super) run: Run<'a, 'w, A>,
+    /// The same simulation, for states beside that of the run.
+    pub(super) probe: Run<'a, 'w, A>,
+    pub(super) changed: Vec<Changed<'a, 'w, A>>,
+    pub(super) kinds: &'a RefCell<Vec<Noted>>,
+}
+
+/// The name of an event, and the touch of the impact of one touch.
+pub(super) struct Noted {
+    pub(super) kind: &'static str,
+    pub(super) touch: Option<usize>,
+}
+
+/// Why a step could not be differentiated.
+pub(super) enum Stop {
+    Broken(Broken),
+    Error(SimError),
+}
+
+impl From<SimError> for Stop {
+    fn from(error: SimError) -> Self {
+        Self::Error(error)
+    }
+}
+
+fn follow<A: Space>(
+    base: Base<A>,
+    model_of: fn(&Simulation) -> Option<A::Model>,
+    duration: f64,
+    parameters: &[Parameter],
+    each: &mut dyn Maps,
+) -> Result<End, SimError> {
+    let (sim, model, start) = base;
+    let others: Vec<Others<A>> = parameters.iter().map(|_| Others::<A>::new()).collect();
+    let kinds = RefCell::new(Vec::new());
+    let mut note = |seen: Seen| {
+        if let Seen::Event(event) = seen {
+            let touch = match event.kind {
+                EventKind::Impact { touch, .. } | EventKind::Limit { touch, .. } => Some(touch),
+                _ => None,
+            };
+            kinds.borrow_mut().push(Noted { kind: event.kind.name(), touch });
+        }
+    };
+    let run = Run::<A>::at_start(sim, model, start, Sampling::default(), &mut note)?;
+    let probe = Run::<A>::at_start(sim, model, start, Sampling::default(), silent())?;
+    let changed =
+        parameters.iter().zip(&others).map(|(parameter, others)| Changed::new(parameter, base, model_of, others));
+    let changed = changed.collect::<Result<_, _>>()?;
+    let mut follow = Follow { run, probe, changed, kinds: &kinds };
+    let end = sim.start_time + duration;
+    let broken = match follow.whole(end, each) {
+        Ok(()) => None,
+        Err(Stop::Broken(broken)) => Some(broken),
+        Err(Stop::Error(SimError::Jam { time, touch, .. })) => {
+            Some(Broken { time, reason: format!("{touch} comes to a jam, after which the motion jumps") })
+        }
+        Err(Stop::Error(error)) => return Err(error),
+    };
+    let x = follow.run.x();
+    let moving = 2 * sim.chain.nv();
+    let tangent = left_inverse(&follow.run.tangent(&x)).rows(0, moving).into_owned();
+    follow.run.until_end(false)?;
+    let (q, qd) = follow.run.q_qd();
+    Ok(End { last: Moment { time: follow.run.time, q, qd }, tangent, broken })
+}
+
+impl<A: Space> Follow<'_, '_, A> {
+    pub(super) fn broken<T>(&self, time: f64, reason: &str) -> Result<T, Stop> {
+        let kinds: Vec<&str> = self.kinds.borrow().iter().map(|noted| noted.kind).collect();
+        let told = if kinds.is_empty() { String::new() } else { format!("{}: ", kinds.join(", ")) };
+        Err(Stop::Broken(Broken { time, reason: told + reason }))
+    }
+
+    /// The whole run.
+    fn whole(&mut self, end: f64, each: &mut dyn Maps) -> Result<(), Stop> {
+        let time = self.run.time;
+        (self.run.end, self.run.history.follows_slips) = (end, true);
+        self.run.begin()?;
+        if self.kinds.borrow().iter().any(|noted| IMPACTS.contains(&noted.kind)) {
+            return self.broken(time, "it begins with an impact, and neighbouring starts begin before or after it");
+        }
+        self.kinds.borrow_mut().clear();
+        let x = self.run.x();
+        let active = self.run.motion.active.clone();
+        let start = self.neighbours(time, &x, &active)?.columns(0, 2 * self.run.motion.sim.chain.nv()).into_owned();
+        each.add(Piece::Start(start));
+        while self.run.time < end {
+            if self.run.motion.active.stepping {
+                return self.broken(self.run.time, "time steps have no derivative");
+            }
+            if self.run.history.events >= self.run.motion.sim.max_events {
+                return Ok(());
+            }
+            self.leg(each)?;
+        }
+        Ok(())
+    }
+
+    /// The directions in which x can change: those of the nearest states in which the contacts of the mode are closed, its held joints
+    /// rest and the loops are closed.
+    fn neighbours(&mut self, time: f64, x: &[f64], active: &ActiveSet) -> Result<DMatrix<f64>, SimError> {
+        let mut tangent = self.probe.tangent(x);
+        let bound = active.lasting.iter().any(Lasting::is_rigid)
+            || active.dry.iter().any(|joint| joint.state == Dry::Holds)
+            || !self.probe.motion.couplings.is_empty();
+        if !bound {
+            return Ok(tangent);
+        }
+        for mut column in tangent.column_iter_mut().take(2 * self.run.motion.sim.chain.nv()) {
+            let mut slope = DVector::zeros(x.len());
+            for (times, weight) in AT.iter().zip(WEIGHTS) {
+                let moved = DVector::from_column_slice(x) + &column * (times * DIFFERENCE);
+                let probe = &mut self.probe;
+                probe.motion.active = active.clone();
+                let mut y = probe.y_of(moved.as_slice());
+                probe.motion.sim.normalise(&mut y);
+                probe.motion.settle(time, &mut y)?;
+                slope += DVector::from_vec(probe.x_of(&y, &moved.as_slice()[y.len() - 2..])) * (weight / DIFFERENCE);
+            }
+            column.copy_from(&slope);
+        }
+        Ok(tangent)
+    }
+
+    /// One leg, and the event at its end.
+    fn leg(&mut self, each: &mut dyn Maps) -> Result<(), Stop> {
+        let mut active = self.run.motion.active.clone();
+        self.run.sampler.path = Some(Vec::new());
+        let ending = self.run.leg()?;
+        let path: Vec<Step> = self.run.sampler.path.take().unwrap_or_default();
+        self.probe.motion.active = active.clone();
+        for step in &path {
+            let linear = LinearStep::of(step, &mut self.probe, &mut self.changed)?;
+            let failed =
+                || SimError::Integration { time: step.start, reason: "the variational equations are singular".into() };
+            each.add(Piece::Step(linear)).ok_or_else(failed)?;
+            active = self.probe.motion.active.clone(); // with the last direction of slip
+        }
+        match ending {
+            Ending::Passed => Ok(self.run.act(ending)?),
+            Ending::Stuck(_) => {
+                let time = self.run.time;
+                self.run.act(ending)?;
+                self.broken(time, "the mode cannot be continued, and the motion jumps or is computed by time steps")
+            }
+            Ending::Kink | Ending::Fired(_) => {
+                let event = self.event(ending, &active, each)?;
+                each.add(Piece::Event(event));
+                Ok(())
+            }
+        }
+    }
+}
+
+/// The kinds of events that are impacts.
+const IMPACTS: [&str; 4] = ["impact", "several", "limit", "latch"];
