@@ -150,7 +150,7 @@ fn lasting_contacts_have_a_lane_for_each_pair_of_bodies_and_forces() {
     let holds = |bytes: &[u8], name: &str| bytes.windows(name.len()).any(|window| window == name.as_bytes());
     // The box comes to rest on four of its corners.
     let rests = bytes("box", 1.0);
-    assert!(holds(&rests, "/contact/box_on_floor") && !holds(&rests, "/contact/box_on_floor,"));
+    assert!(holds(&rests, "/contact/box_on_floor") && !holds(&rests, r"/contact/box_on_floor\"));
     assert!(
         holds(&rests, "/world/links/box/shape_1")
             && [r"shape\ ", r"box\ ", r"on\ "].iter().all(|name| !holds(&rests, name))
