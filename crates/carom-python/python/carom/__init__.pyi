@@ -1191,8 +1191,8 @@ class Scene:
 
         Raises:
             ValueError: a name that the scene does not have; a key that is no number, or that changes the start or the duration.
-            SimulationError: as `simulate`; a key that changes the joints or the possible contacts. A run that is not differentiable is no error: see
-                `Sensitivity.broken`.
+            SimulationError: as `simulate`; a key that changes the joints or the possible contacts. A run that is not differentiable is no
+                error: see `Sensitivity.broken`.
         """
     def linear_run(self, wrt: Sequence[str] | None = None) -> LinearRun:
         """The whole run as a linear map, whose transpose gives the gradient of a number by the start and by parameters.
