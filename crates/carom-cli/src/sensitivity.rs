@@ -2,7 +2,7 @@
 
 use crate::error::CliError;
 use crate::output::brief;
-use carom_sim::{Broken, EventTime, Parameter, Plan, SimError};
+use carom_sim::{Broken, Columns, EventTime, Plan, Scene, SimError};
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::Path;
@@ -37,13 +37,22 @@ pub fn check(file: &Path, plan: &Plan) -> Result<(), CliError> {
 }
 
 impl Sensitivity {
-    /// Of the whole run of a scene, by its initial state and by the parameters of its contacts and its drive.
-    pub fn of(plan: &Plan, duration: f64) -> Result<Self, SimError> {
-        let found = plan.sensitivity(duration, &Parameter::all(&plan.simulation))?;
+    /// Of the whole run of a scene, by its initial state and by the parameters of its contacts and its drive, or by what has these names.
+    pub fn of(scene: &Scene, plan: &Plan, wrt: &[String]) -> Result<Self, SimError> {
+        let unknown = |rule| SimError::Scene { file: "--wrt".into(), rule };
+        let chosen = match wrt {
+            [] => Columns::all(plan),
+            names => {
+                let of_key = |path: &str| scene.parameter(path).map_err(|e| unknown(e.to_string()));
+                Columns::of(plan, names, of_key, unknown)?
+            }
+        };
+        let found = chosen.of_all(plan.sensitivity(scene.duration, &chosen.parameters)?);
+        let rows = plan.simulation.state_names();
         let row = |(of, row): (&String, Vec<f64>)| Row { of: of.clone(), by: row };
         let last = found.last_by.map(|by| {
-            let rows = by.row_iter().map(|row| row.iter().copied().collect());
-            found.names.iter().zip(rows).map(row).collect()
+            let numbers = by.row_iter().map(|row| row.iter().copied().collect());
+            rows.iter().zip(numbers).map(row).collect()
         });
         Ok(Self { r#final: last, events: found.events, broken: found.broken, names: found.names })
     }

@@ -123,11 +123,19 @@ pub struct Simulate {
     /// Differentiate the final state and the times of the events by the start and by parameters
     ///
     /// Exact to about 1e-8 of their size. The parameters: restitution and friction of all
-    /// contacts together; of the controller kp, kd, target or torque of each joint. A change
+    /// contacts together; of the controller kp, kd, target or torque of each joint, and the rows
+    /// of a table of torques or of a reference. A change
     /// of q is a displacement: of a floating joint along and about the axes of its link.
     /// Where the outcome is not differentiable, the time and the reason are given.
     #[arg(long, verbatim_doc_comment, conflicts_with = "runs")]
     sensitivity: bool,
+    /// Differentiate by these numbers only, with --sensitivity: q,contact.friction,run.gravity[2]
+    ///
+    /// Separated by commas: q and qd (the whole start), "q elbow" (a part of it), a parameter such as
+    /// friction or "kp elbow", or any number of the scene by the path of its key. A name stands for
+    /// all that begin with it: "torque elbow" for all rows of a table of torques.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "sensitivity", verbatim_doc_comment)]
+    wrt: Vec<String>,
     #[command(flatten)]
     record: Record,
     /// Print one line of JSON instead of text
@@ -253,7 +261,7 @@ impl Simulate {
         for warning in run.warnings().into_iter().chain(without_loads) {
             say(&format!("warning: {}: {warning}", self.scene.display()));
         }
-        let derivatives = self.sensitivity.then(|| Sensitivity::of(&plan, scene.duration));
+        let derivatives = self.sensitivity.then(|| Sensitivity::of(&scene, &plan, &self.wrt));
         let derivatives = derivatives.transpose().map_err(refuse)?;
         states.finish()?;
         contacts.finish()?;

@@ -60,9 +60,10 @@ pub struct Urdf {
     package_dirs: Vec<PathBuf>,
     rotor_inertia: BTreeMap<String, f64>,
     mass: BTreeMap<String, f64>,
+    inertia: BTreeMap<String, [f64; 6]>,
 }
 
-fields! { Urdf { text, folder, floating, meshes, repair, strict, package_dirs, rotor_inertia, mass } }
+fields! { Urdf { text, folder, floating, meshes, repair, strict, package_dirs, rotor_inertia, mass, inertia } }
 
 impl Urdf {
     /// The chain of the text.
@@ -84,6 +85,7 @@ impl Urdf {
             package_dirs: self.package_dirs.clone(),
             rotor_inertia: self.rotor_inertia.clone(),
             mass: self.mass.clone(),
+            inertia: self.inertia.clone(),
             ..LoadOptions::default()
         }
     }
@@ -226,11 +228,13 @@ impl Chain {
     ///     rotor_inertia: inertias of motors' rotors reflected to their joints, N² I for the gear ratio N: a dict by joint, kg m² or
     ///         kg. They replace those of the file.
     ///     mass: masses of links instead of those of the file: a dict by link, kg. Rotational inertias change in proportion.
+    ///     inertia: rotational inertias of links about their centres of mass, along the axes of the link, instead of those of the file: a dict by
+    ///         link of ixx, ixy, ixz, iyy, iyz, izz, kg m².
     ///
     /// Raises:
     ///     UrdfError: the file cannot be read or breaks a rule; the message names line, element, value and rule.
     #[staticmethod]
-    #[pyo3(signature = (source, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new(), rotor_inertia=BTreeMap::new(), mass=BTreeMap::new()))]
+    #[pyo3(signature = (source, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new(), rotor_inertia=BTreeMap::new(), mass=BTreeMap::new(), inertia=BTreeMap::new()))]
     #[allow(clippy::too_many_arguments)]
     fn from_urdf(
         py: Python<'_>,
@@ -242,11 +246,13 @@ impl Chain {
         package_dirs: Vec<PathBuf>,
         rotor_inertia: BTreeMap<String, f64>,
         mass: BTreeMap<String, f64>,
+        inertia: BTreeMap<String, [f64; 6]>,
     ) -> PyResult<Self> {
         let absolute = |path: PathBuf| std::path::absolute(&path).unwrap_or(path);
         let package_dirs = package_dirs.into_iter().map(absolute).collect();
         let (text, folder) = (String::new(), None);
-        let mut urdf = Urdf { text, folder, floating, meshes, repair, strict, package_dirs, rotor_inertia, mass };
+        let mut urdf =
+            Urdf { text, folder, floating, meshes, repair, strict, package_dirs, rotor_inertia, mass, inertia };
         let options = urdf.options();
         let text = source
             .extract::<String>()
@@ -275,7 +281,7 @@ impl Chain {
     /// Raises:
     ///     ImportError: the package is not installed, or has no robot of this name, or cannot download it.
     #[staticmethod]
-    #[pyo3(signature = (name, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new(), rotor_inertia=BTreeMap::new(), mass=BTreeMap::new()))]
+    #[pyo3(signature = (name, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new(), rotor_inertia=BTreeMap::new(), mass=BTreeMap::new(), inertia=BTreeMap::new()))]
     #[allow(clippy::too_many_arguments)]
     fn from_robot_description(
         py: Python<'_>,
@@ -287,6 +293,7 @@ impl Chain {
         mut package_dirs: Vec<PathBuf>,
         rotor_inertia: BTreeMap<String, f64>,
         mass: BTreeMap<String, f64>,
+        inertia: BTreeMap<String, [f64; 6]>,
     ) -> PyResult<Self> {
         let refuse = |why: &str| PyImportError::new_err(format!("robot_descriptions.{name}: {why}"));
         py.import("robot_descriptions").map_err(|_| {
@@ -302,7 +309,7 @@ impl Chain {
         if let Ok(package) = module.getattr("PACKAGE_PATH").and_then(|path| path.extract()) {
             package_dirs.push(package);
         }
-        Self::from_urdf(py, &path, floating, meshes, repair, strict, package_dirs, rotor_inertia, mass)
+        Self::from_urdf(py, &path, floating, meshes, repair, strict, package_dirs, rotor_inertia, mass, inertia)
     }
 
     /// A chain of equal uniform rods on hinges about z, straight along x at q = 0, with the frame "tip" at its end.

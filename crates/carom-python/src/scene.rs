@@ -6,8 +6,9 @@ use crate::controller::PythonController;
 use crate::error::raise;
 use crate::laws::GivenLaw;
 use crate::pickle::{Parts, Pickled, Sources, fields, tuple};
-use crate::text::{by_keys, changed_text, number_text, toml_text};
+use crate::text::{by_keys, changed_text, toml_text, written};
 use carom_sim::SimError;
+use carom_sim::path::add;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -155,14 +156,16 @@ impl Scene {
         })
     }
 
-    /// The number at the path of a key, and the same scene with `change` added to it.
+    /// The size of the number at the path of a key, as of [`carom_sim::Scene::with_number`], and the same scene with `change` added to it.
     ///
     /// # Errors
     /// As [`Scene::with_keys`]; a value that is no number.
     pub fn with_number(&self, py: Python<'_>, path: &str, change: f64) -> PyResult<(f64, Self)> {
-        let (number, text) = number_text(self.keys()?, path, change)?;
+        let mut keys = self.keys()?;
+        let size = add(&mut keys, path, change).map_err(PyValueError::new_err)?;
+        let text = written(&keys)?;
         let changed = Self::of_keys(py, &text, self.sources.folder.clone())?.with_functions(py, &self.functions)?;
-        Ok((number, changed))
+        Ok((size, changed))
     }
 
     /// The keys, with the start and the duration that were given after reading.

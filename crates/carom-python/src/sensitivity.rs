@@ -4,7 +4,7 @@ use crate::array::{Array, array, list};
 use crate::pickle::{Parts, Pickled, tuple};
 use crate::run::RunEvent;
 use crate::scene::Scene;
-use carom_sim::{Parameter, Plan, Sampling, Seen, SimError, Simulation};
+use carom_sim::{Columns, Parameter, Plan, Sampling, Seen, SimError};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyList;
@@ -47,89 +47,30 @@ impl Sensitivity {
     }
 }
 
-/// The parameters of a derivative of a run, and the columns that are asked for.
-pub struct Chosen {
-    pub parameters: Vec<Parameter>,
-    /// The columns of the result among those of the whole start and of these parameters.
-    pub columns: Vec<usize>,
-}
-
 /// What these names mean, all but the keys of the scene if there are no names.
-pub fn chosen(py: Python<'_>, scene: &Scene, plan: &Plan, wrt: Option<Vec<String>>) -> PyResult<Chosen> {
-    let (start, all) = (plan.simulation.state_names(), Parameter::all(&plan.simulation));
-    let Some(wrt) = wrt else {
-        let columns = (0..start.len() + all.len()).collect();
-        return Ok(Chosen { parameters: all, columns });
-    };
-    let (mut parameters, mut columns) = (Vec::new(), Vec::new());
-    for name in &wrt {
-        let part = format!("{name} ");
-        let of_start = start.iter().enumerate().filter(|(_, own)| *own == name || own.starts_with(&part));
-        let of_start: Vec<usize> = of_start.map(|(k, _)| k).collect();
-        if !of_start.is_empty() {
-            columns.extend(of_start);
-            continue;
-        }
-        columns.push(start.len() + parameters.len());
-        match all.iter().find(|parameter| parameter.name() == name) {
-            Some(parameter) => parameters.push(parameter.clone()),
-            None if name.contains('.') => parameters.push(of_key(py, scene, name)?),
-            None => {
-                let known: Vec<&str> =
-                    start.iter().map(String::as_str).chain(all.iter().map(Parameter::name)).collect();
-                let message = format!(
-                    "'{name}' is no number of the scene: wrt has \"q\", \"qd\", {}, and paths of keys like contact.friction",
-                    known.join(", ")
-                );
-                return Err(PyValueError::new_err(message));
-            }
-        }
-    }
-    Ok(Chosen { parameters, columns })
+pub fn chosen(py: Python<'_>, scene: &Scene, plan: &Plan, wrt: Option<Vec<String>>) -> PyResult<Columns> {
+    let Some(wrt) = wrt else { return Ok(Columns::all(plan)) };
+    Columns::of(plan, &wrt, |path| of_key(py, scene, path), PyValueError::new_err)
 }
 
-/// The number at the path of a key as a parameter.
+/// The number at the path of a key as a parameter, of the scene with its functions.
 fn of_key(py: Python<'_>, scene: &Scene, path: &str) -> PyResult<Parameter> {
-    let (number, _) = scene.with_number(py, path, 0.0)?;
-    let scale = if number == 0.0 { 1.0 } else { number.abs() };
-    let (_, beside) = scene.with_number(py, path, CHANGE * scale)?;
-    let [own, other] = [&scene.scene, &beside.scene].map(|it| (&it.q, &it.qd, it.duration));
-    if own != other {
-        let message = format!(
-            "{path} changes the start or the duration: take the start by \"q\", \"qd\" or a part of it, and the end by `last_by`"
-        );
-        return Err(PyValueError::new_err(message));
-    }
-    let (scene, path) = (scene.again(), path.to_owned());
-    let name = path.clone();
-    Ok(Parameter::try_new(name, scale, move |simulation, delta| {
-        let refused = |rule: String| SimError::Scene { file: path.clone(), rule };
+    scene.with_number(py, path, 0.0)?;
+    let own = scene.again();
+    let with_number = move |_: &carom_sim::Scene, path: &str, change: f64| {
+        let refused = |rule: String| SimError::Scene { file: path.to_owned(), rule };
         let changed = Python::try_attach(|py| {
-            let (_, changed) = scene.with_number(py, &path, delta).map_err(|e| refused(e.value(py).to_string()))?;
-            changed.scene.plan()
+            let (size, changed) = own.with_number(py, path, change).map_err(|e| refused(e.value(py).to_string()))?;
+            Ok((size, carom_sim::Scene::clone(&changed.scene)))
         });
-        let changed = changed.unwrap_or_else(|| Err(refused("the interpreter is shutting down".into())))?;
-        *simulation = Simulation { stop: simulation.stop.clone(), ..changed.simulation };
-        Ok(())
-    }))
+        changed.unwrap_or_else(|| Err(refused("the interpreter is shutting down".into())))
+    };
+    scene.scene.parameter_by(path, with_number).map_err(|e| PyValueError::new_err(e.to_string()))
 }
 
-/// The share of a number by which it is changed to see what depends on it.
-const CHANGE: f64 = 1e-5;
-
-/// The derivatives of a planned run, of which these columns are kept, and its events.
-pub fn of(
-    plan: &Plan,
-    duration: f64,
-    parameters: &[Parameter],
-    columns: &[usize],
-) -> Result<(carom_sim::Sensitivity, Vec<RunEvent>), SimError> {
-    let mut found = plan.sensitivity(duration, parameters)?;
-    found.names = columns.iter().map(|&k| found.names[k].clone()).collect();
-    found.last_by = found.last_by.map(|by| by.select_columns(columns));
-    for event in &mut found.events {
-        event.time_by = columns.iter().map(|&k| event.time_by[k]).collect();
-    }
+/// The derivatives of a planned run by these quantities, and its events.
+pub fn of(plan: &Plan, duration: f64, chosen: &Columns) -> Result<(carom_sim::Sensitivity, Vec<RunEvent>), SimError> {
+    let found = chosen.of_all(plan.sensitivity(duration, &chosen.parameters)?);
     let mut events = Vec::new();
     plan.stream(duration, Sampling::default(), &mut |seen| {
         if let Seen::Event(event) = seen {

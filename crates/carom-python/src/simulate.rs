@@ -4,7 +4,7 @@ use crate::error::{exceptions, raise};
 use crate::linear_run::LinearRun;
 use crate::run::{Run, Told};
 use crate::scene::Scene;
-use crate::sensitivity::{self, Chosen, Sensitivity};
+use crate::sensitivity::{self, Sensitivity};
 use crate::session::Session;
 use crate::table::Table;
 use crate::threads::{LOOK, interruptible, left_behind};
@@ -78,7 +78,8 @@ impl Scene {
     ///     wrt: by what, in the order of the columns. "q" and "qd" are the whole start, "q elbow" a part of it; parameters are "restitution"
     ///         and "friction" of all contacts together, "kp elbow", "kd elbow", "target elbow" or "torque elbow" of each joint under PD
     ///         control or constant forces, and any number of the scene by the path of its key, as in `with_keys`: "contact.friction",
-    ///         "run.gravity[2]", "surface[0].restitution". By default all but the keys.
+    ///         "run.gravity[2]", "surface[0].restitution". Rows of tables have numbers: "torque elbow 3", "reference elbow 3". A name stands
+    ///         for all that begin with it: "kp", "torque elbow". By default all but the keys.
     ///
     /// Raises:
     ///     ValueError: a name that the scene does not have; a key that is no number, or that changes the start or the duration.
@@ -87,11 +88,11 @@ impl Scene {
     #[pyo3(signature = (wrt=None))]
     fn sensitivity(&self, py: Python<'_>, wrt: Option<Vec<String>>) -> PyResult<Sensitivity> {
         let mut plan = py.detach(|| self.scene.plan()).map_err(raise)?;
-        let Chosen { parameters, columns } = sensitivity::chosen(py, self, &plan, wrt)?;
+        let chosen = sensitivity::chosen(py, self, &plan, wrt)?;
         let (duration, rows) = (self.scene.duration, plan.simulation.state_names());
         let found = left_behind(py, move |stop| {
             plan.simulation.stop = Some(stop.clone());
-            sensitivity::of(&plan, duration, &parameters, &columns)
+            sensitivity::of(&plan, duration, &chosen)
         })?;
         let (found, events) = self.functions.pass(found)?;
         Sensitivity::new(py, (found, rows), events)
@@ -109,7 +110,7 @@ impl Scene {
     #[pyo3(signature = (wrt=None))]
     fn linear_run(&self, py: Python<'_>, wrt: Option<Vec<String>>) -> PyResult<LinearRun> {
         let mut plan = py.detach(|| self.scene.plan()).map_err(raise)?;
-        let Chosen { parameters, columns } = sensitivity::chosen(py, self, &plan, wrt)?;
+        let Columns { parameters, columns } = sensitivity::chosen(py, self, &plan, wrt)?;
         let duration = self.scene.duration;
         let run = left_behind(py, move |stop| {
             plan.simulation.stop = Some(stop.clone());

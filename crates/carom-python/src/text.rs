@@ -2,6 +2,7 @@
 
 use crate::array::{Numbers, numpy};
 use carom_chain::input::shown;
+use carom_sim::path::{entry, place};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
@@ -21,7 +22,11 @@ pub fn toml_text(given: &Bound<'_, PyAny>) -> PyResult<String> {
     written(&table("", mapping, 0)?)
 }
 
-fn written(table: &Table) -> PyResult<String> {
+/// The text of these keys.
+///
+/// # Errors
+/// `ValueError` for what TOML cannot hold.
+pub fn written(table: &Table) -> PyResult<String> {
     // A line of its own, for messages about the whole text.
     let text = toml::to_string(table).map_err(|e| PyValueError::new_err(e.to_string()))?;
     Ok(format!("# from a dict\n{text}"))
@@ -40,68 +45,14 @@ pub fn changed_text(mut keys: Table, changes: &Bound<'_, PyAny>) -> PyResult<Str
         let (path, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = pair.extract()?;
         let path: String =
             path.extract().map_err(|_| PyTypeError::new_err(format!("the key {path} is not a string")))?;
-        let (at, part) = place(&mut keys, &path)?;
+        let (at, part) = place(&mut keys, &path).map_err(PyValueError::new_err)?;
         if value.is_none() {
             at.remove(part);
         } else {
-            merge(entry(at, part, &path)?, &path, &value)?;
+            merge(entry(at, part, &path).map_err(PyValueError::new_err)?, &path, &value)?;
         }
     }
     written(&keys)
-}
-
-/// The number at a path in these keys, and their text with `change` added to it.
-///
-/// # Errors
-/// `ValueError` for a path that leads nowhere, and for a value that is no number.
-pub fn number_text(mut keys: Table, path: &str, change: f64) -> PyResult<(f64, String)> {
-    let (at, part) = place(&mut keys, path)?;
-    let value = entry(at, part, path)?;
-    let Some(number) = value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64)) else {
-        let why = "the scene has no number there: give it one, so that it can be changed; lists have entries like run.gravity[2]";
-        return Err(PyValueError::new_err(format!("{path}: {why}")));
-    };
-    *value = Value::Float(number + change);
-    Ok((number, written(&keys)?))
-}
-
-/// The table that holds the last part of a path, and that part.
-fn place<'t, 'p>(keys: &'t mut Table, path: &'p str) -> PyResult<(&'t mut Table, &'p str)> {
-    let (before, last) = path.rsplit_once('.').map_or((None, path), |(before, last)| (Some(before), last));
-    let mut at = keys;
-    for part in before.into_iter().flat_map(|before| before.split('.')) {
-        at = table_in(entry(at, part, path)?, part, path)?;
-    }
-    Ok((at, last))
-}
-
-/// The value of a part of a path, `NAME` or `NAME[K]`; an empty table where there is none.
-fn entry<'t>(table: &'t mut Table, part: &str, path: &str) -> PyResult<&'t mut Value> {
-    let Some((name, index)) = part.strip_suffix(']').and_then(|part| part.split_once('[')) else {
-        return Ok(table.entry(part).or_insert_with(|| Table::new().into()));
-    };
-    let refuse = |why: String| PyValueError::new_err(format!("{path}: {why}"));
-    match table.get_mut(name) {
-        Some(Value::Array(all)) => {
-            let count = all.len();
-            let one = index.parse().ok().and_then(|k: usize| all.get_mut(k));
-            one.ok_or_else(|| refuse(format!("{name} has {count} entries, which count from 0")))
-        }
-        Some(_) => Err(refuse(format!("{name} is no list: leave out [{index}]"))),
-        None => Err(refuse(format!("there is no {name}: give the whole list"))),
-    }
-}
-
-fn table_in<'t>(value: &'t mut Value, part: &str, path: &str) -> PyResult<&'t mut Table> {
-    let kind = value.type_str();
-    let count = value.as_array().map(Vec::len);
-    value.as_table_mut().ok_or_else(|| {
-        let why = match count {
-            Some(count) => format!("{part} is a list of {count}: write {part}[0]"),
-            None => format!("{part} is a {kind}, which has no keys"),
-        };
-        PyValueError::new_err(format!("{path}: {why}"))
-    })
 }
 
 /// Changes a value to a given one: of tables only the keys that are given.

@@ -1,6 +1,7 @@
 """Loading, names, configurations, shapes and what is refused."""
 
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -228,6 +229,19 @@ def test_rotors_and_masses_of_a_robot_are_those_that_are_given(arm):
     # Twice the mass of every link, with its inertia.
     masses = {"link1": 10, "elbow_stator": 24, "link2": 5.378}
     close(carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", mass=masses).mass_matrix(q), 2 * bare)
+    # The inertia of the last link changes by 0.004 kg m² about the axis of both joints.
+    text = (ROOT / "robots/planar2.urdf").read_text()
+    own = [float(x) for x in re.findall(r'<inertia ixx="(\S+)".*?iyy="(\S+)".*?izz="(\S+)"', text, flags=re.DOTALL)[-1]]
+    inertia = {"link2": [own[0], 0, 0, own[1], 0, own[2] + 0.004]}
+    heavy = carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", inertia=inertia)
+    close(heavy.mass_matrix(q) - bare, np.full((2, 2), 0.004))
+    close(pickle.loads(pickle.dumps(heavy)).mass_matrix(q), heavy.mass_matrix(q), 0)
+    for wrong, why in [
+        ([1, 0, 0, 1, 0, -1], "its principal moments must be positive and finite"),
+        ([1, 0, 0, 1, 0, 3], "no body has a principal moment above the sum of the other two"),
+    ]:
+        with pytest.raises(carom.ChainError, match=f"inertia of a link is .*: {why}"):
+            carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", inertia={"link2": wrong})
     with pytest.raises(carom.ChainError, match="no link is named 'lnk1'; did you mean 'link1'"):
         carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", mass={"lnk1": 1})
     with pytest.raises(carom.ChainError, match="mass of a link is 1: only a link with a mass"):

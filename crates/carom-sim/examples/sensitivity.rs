@@ -1,7 +1,8 @@
 //! Time of all derivatives of a run of a scene, and of the gradient of one number of its final state by the adjoint, beside the time of the
 //! run itself; the shortest of several.
 //!
-//! `cargo run --release -p carom-sim --example sensitivity -- strike7 [DURATION]`
+//! `cargo run --release -p carom-sim --example sensitivity -- strike7 [DURATION [KEY …]]`, with keys such as `robot.mass.link2` for
+//! further parameters
 
 use carom_sim::{Parameter, Sampling, Scene};
 use std::time::{Duration, Instant};
@@ -15,7 +16,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scene = Scene::from_file(format!("{}/../../scenes/{name}.toml", env!("CARGO_MANIFEST_DIR")))?;
     let duration = arguments.next().map_or(Ok(scene.duration), |text| text.parse())?;
     let plan = scene.plan()?;
-    let parameters = Parameter::all(&plan.simulation);
+    let mut parameters = Parameter::all(&plan.simulation);
+    for key in arguments {
+        parameters.push(scene.parameter(&key)?);
+    }
     let found = plan.sensitivity(duration, &parameters)?;
     let run = best(|| plan.stream(duration, Sampling::default(), &mut |_| {}).map(|_| ()))?;
     let all = best(|| plan.sensitivity(duration, &parameters).map(|_| ()))?;
@@ -26,12 +30,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some(_) => f64::NAN,
     };
     println!(
-        "{name}, {duration} s: {} columns, {} events, run {:.3} ms, all derivatives {:.1} runs, one gradient {:.1} runs",
+        "{name}, {duration} s: {} columns, {} events, run {:.3} ms, all derivatives {:.1} runs, one gradient {:.1} runs, {:.2} ms",
         found.names.len(),
         found.events.len(),
         run * 1e3,
         all / run,
-        gradient / run
+        gradient / run,
+        gradient * 1e3
     );
     if let Some(broken) = found.broken {
         println!("the derivatives end at {} s: {}", broken.time, broken.reason);

@@ -57,7 +57,7 @@ pub use run::{
     Advance, Broken, EnergyBooks, Event, EventKind, EventLoads, EventTime, LinearRun, Sampling, Seen, Segment,
     Sensitivity, Session, SessionState, Statistics, StepReason, StopReason, Summary, Trajectory,
 };
-pub use scene::{Distribution, Perturbation, Scene};
+pub use scene::{Columns, Distribution, Perturbation, Scene};
 pub use state::{ContactImpulse, Moment, Profile};
 
 // Hidden: what only the command line, the Python package and the studies use.
@@ -65,5 +65,5 @@ pub use state::{ContactImpulse, Moment, Profile};
 pub use {
     motion::free_motion_at,
     run::{AtContact, NamedEvent, UnderLaw},
-    scene::{from_toml, keys},
+    scene::{from_toml, keys, path},
 };

@@ -444,3 +444,91 @@ fn a_robot_that_cannot_move_has_empty_derivatives() {
     let found = sim.sensitivity(&[], &[], 0.1, &[Parameter::friction()]).unwrap();
     assert_eq!(found.last_by.unwrap().shape(), (0, 1));
 }
+
+/// The rows of a table of torques and the points of a reference, in free motion, through impacts and while a contact slides; a row has no effect
+/// before the row before it.
+#[test]
+fn sensitivities_by_rows_of_tables_equal_differences_of_runs() {
+    let times: Vec<f64> = (0..8).map(|k| 0.2 * f64::from(k)).collect();
+    let table = |joint: usize, time: f64| 0.3 * (4.0 * time + joint as f64).sin();
+    let rows = |own: &dyn Fn(usize, f64) -> f64| times.iter().map(|&t| vec![own(0, t), own(1, t)]).collect::<Vec<_>>();
+    let forces = carom_sim::TorqueTable { times: times.clone(), forces: rows(&table) };
+    let along = |joint: usize, time: f64| [0.785, -1.57][joint] + table(joint, time) * 0.5;
+    let reference = carom_sim::Reference::new(times.clone(), &rows(&along)).unwrap();
+    let tracking = |feed_forward| carom_sim::Tracking {
+        reference: reference.clone(),
+        kp: 40.0.into(),
+        kd: 6.0.into(),
+        feed_forward,
+    };
+    let presses = [("friction = 0.0", "friction = 0.3")];
+    for (name, drive, columns) in [
+        ("table", carom_sim::Drive::Table(forces), 4 + 2 + 16),
+        ("tracking", carom_sim::Drive::Tracking(tracking(false)), 4 + 2 + 4 + 16),
+        ("feed-forward", carom_sim::Drive::Tracking(tracking(true)), 4 + 2 + 4 + 16),
+    ] {
+        let mut scene = changed("planar2", &presses);
+        scene.simulation.drive = drive;
+        let found = check(name, &scene, 1.0, None, 4e-6);
+        assert_eq!(found.names.len(), columns, "{name}: {:?}", found.names);
+        assert!(!found.events.is_empty(), "{name}");
+        let by = found.last_by.unwrap();
+        let of = |wanted: &str| found.names.iter().position(|name| name == wanted).map(|k| by.column(k).amax());
+        let word = if name == "table" { "torque" } else { "reference" };
+        assert!(of(&format!("{word} elbow 3")).unwrap() > 1e-4, "{name}: {:?}", found.names);
+        if name == "table" {
+            assert_eq!(of("torque elbow 8"), Some(0.0));
+        }
+        let plan = scene.plan().unwrap();
+        let run = plan.linear_run(1.0, &Parameter::all(&plan.simulation)).unwrap();
+        for i in 0..by.nrows() {
+            let mut weights = vec![0.0; by.nrows()];
+            weights[i] = 1.0;
+            let gradient = run.vjp(&weights, &[]).unwrap();
+            let apart = gradient.iter().zip(&by.row(i)).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+            assert!(apart <= 1e-11 * by.amax(), "{name}: {apart:e}");
+        }
+    }
+}
+
+/// By keys of the scene: six numbers of an inertia, a mass, gravity, a place of the floor, a gain of one of two robots; those of a key that
+/// changes the start, or that is no number, are refused with the key.
+#[test]
+fn sensitivities_by_keys_of_the_scene_equal_differences_of_runs() {
+    let inertia: Vec<String> = (0..6).map(|k| format!("robot.inertia.cube[{k}]")).collect();
+    let of_cube = ["run.gravity[2]", "contact.friction", "surface[0].shape.halfspace.point[2]"];
+    let of_cube: Vec<&str> = inertia.iter().map(String::as_str).chain(of_cube).collect();
+    for (name, keys, duration, h) in [
+        ("cube", &of_cube[..], 0.4, 1e-7),
+        ("two_arms", &["robot[1].kp", "robot[1].position[0]", "contact.restitution"][..], 0.4, 1e-5),
+    ] {
+        let scene = changed(name, &[]);
+        let plan = scene.plan().unwrap();
+        let parameters: Vec<Parameter> = keys.iter().map(|key| scene.parameter(key).unwrap()).collect();
+        let found = plan.sensitivity(duration, &parameters).unwrap();
+        assert_eq!(found.broken, None, "{name}");
+        let sim = &plan.simulation;
+        let first = 2 * sim.chain.nv();
+        for (k, key) in keys.iter().enumerate() {
+            // A step in proportion to the number.
+            let step = if key.contains("inertia") { h * 1e-3 } else { h };
+            let own = found.last_by.as_ref().unwrap().select_columns(&[first + k]);
+            let other = differences(sim, (&plan.q, &plan.qd), duration, &parameters, (&[first + k], step));
+            let apart = (&own - &other).amax();
+            assert!(
+                other.amax() > 0.0 && apart < 1e-5 * other.amax(),
+                "{name}, {key}: {apart:e} of {:e}",
+                other.amax()
+            );
+        }
+    }
+    let scene = changed("planar2", &[]);
+    for (key, why) in [
+        ("robot.q[0]", "robot.q[0]: it changes the start or the duration"),
+        ("contact.law", "contact.law: the scene has no number there"),
+        ("surface.friction", "surface.friction: surface is a list of 1: write surface[0]"),
+    ] {
+        let told = scene.parameter(key).unwrap_err().to_string();
+        assert!(told.starts_with(why), "{told}");
+    }
+}

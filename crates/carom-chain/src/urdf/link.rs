@@ -11,6 +11,7 @@
 
 use super::joint::pose;
 use super::names::suggestion;
+use super::options::LoadOptions;
 use super::robot::{Inertial, JointType, Link, Repair, short};
 use super::source::{Source, own_child};
 use super::tree::Tree;
@@ -18,7 +19,6 @@ use super::warnings::Warnings;
 use crate::error::ChainError;
 use crate::rounding::ROUNDING;
 use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Vector3};
-use std::collections::BTreeMap;
 
 /// Relative violation of the triangle inequality that is rounding of the numbers in the file.
 const ROUNDED: f64 = 1e-3;
@@ -241,20 +241,42 @@ fn possible(moments: [f64; 3]) -> [f64; 3] {
     [a.max(c - b), b, c]
 }
 
-/// Sets the masses of [`LoadOptions::mass`](super::LoadOptions::mass).
-pub(super) fn set_masses(links: &mut [Link], masses: &BTreeMap<String, f64>) -> Result<(), ChainError> {
-    for (name, &mass) in masses {
-        let names: Vec<&str> = links.iter().map(|link| link.name.as_str()).collect();
-        let unknown = || ChainError::UnknownFrame { name: name.clone(), hint: suggestion(name, &names) };
-        let k = names.iter().position(|own| own == name).ok_or_else(unknown)?;
-        let refuse = |rule| ChainError::OutOfRange { what: "mass of a link", value: mass, rule };
+/// Sets the masses of [`LoadOptions::mass`](super::LoadOptions::mass) and the inertias of
+/// [`LoadOptions::inertia`](super::LoadOptions::inertia).
+pub(super) fn set_inertials(links: &mut [Link], options: &LoadOptions) -> Result<(), ChainError> {
+    for (name, &mass) in &options.mass {
         let rule = "only a link with a mass in the file can get another one, because its inertia changes in proportion";
-        let own = links[k].inertial.as_mut().filter(|own| own.mass > 0.0).ok_or_else(|| refuse(rule))?;
+        let refuse = |rule| ChainError::OutOfRange { what: "mass of a link", value: mass, rule };
+        let own = named(links, name)?.inertial.as_mut().filter(|own| own.mass > 0.0).ok_or_else(|| refuse(rule))?;
         if !(mass > 0.0 && mass.is_finite()) {
             return Err(refuse("it must be positive and finite"));
         }
         own.inertia_at_com *= mass / own.mass;
         own.mass = mass;
     }
+    for (name, &[xx, xy, xz, yy, yz, zz]) in &options.inertia {
+        let matrix = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        let mut moments = matrix.symmetric_eigenvalues();
+        moments.as_mut_slice().sort_by(f64::total_cmp);
+        let refuse = |value, rule| ChainError::OutOfRange { what: "inertia of a link", value, rule };
+        let rule = "only a link with an <inertial> in the file, which has the centre of mass, can get another inertia";
+        let own = named(links, name)?.inertial.as_mut().ok_or_else(|| refuse(xx, rule))?;
+        if !(moments.iter().all(|moment| moment.is_finite()) && moments[0] > 0.0) {
+            return Err(refuse(moments[0], "its principal moments must be positive and finite"));
+        }
+        if moments[2] > (moments[0] + moments[1]) * (1.0 + ROUNDED) {
+            return Err(refuse(moments[2], "no body has a principal moment above the sum of the other two"));
+        }
+        own.inertia_at_com = matrix;
+    }
     Ok(())
+}
+
+/// # Errors
+/// A link that the robot does not have.
+fn named<'l>(links: &'l mut [Link], name: &str) -> Result<&'l mut Link, ChainError> {
+    let names: Vec<&str> = links.iter().map(|link| link.name.as_str()).collect();
+    let unknown = || ChainError::UnknownFrame { name: name.to_owned(), hint: suggestion(name, &names) };
+    let k = names.iter().position(|own| *own == name).ok_or_else(unknown)?;
+    Ok(&mut links[k])
 }

@@ -120,7 +120,7 @@ fn read_document(
         visuals,
     };
     let mut links: Vec<Link> = parts.map(link).collect();
-    link::set_masses(&mut links, &options.mass)?;
+    link::set_inertials(&mut links, options)?;
     units::check(source, &tree, &links, &joints, (&moves, reach), &mut warnings);
     if options.repair {
         warnings.repairs.extend(weld::weld_massless(&tree, &links, &mut joints, options.floating_base));

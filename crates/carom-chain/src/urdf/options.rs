@@ -32,6 +32,9 @@ pub struct LoadOptions {
     /// Masses of links by name, kg, instead of those of the file. The rotational inertia of a link changes in proportion to its mass, and its
     /// centre of mass stays.
     pub mass: BTreeMap<String, f64>,
+    /// Rotational inertias of links by name about their centres of mass, along the axes of the link, instead of those of the file:
+    /// ixx, ixy, ixz, iyy, iyz, izz, kg m².
+    pub inertia: BTreeMap<String, [f64; 6]>,
     /// An SRDF file beside the URDF. The pairs of links that it disables
     /// ([`Robot::disabled_pairs`](super::Robot::disabled_pairs)) make no contact.
     pub srdf: Option<PathBuf>,

@@ -224,6 +224,27 @@ fn sensitivities_agree_with_differences_of_answers() {
         let difference = (later - earlier) / (2.0 * h);
         close("time", numbers(&own["events"][0]["time_by"])[j], difference, 1e-5 * (1.0 + difference.abs()));
     }
+    // Some columns: by names, by words that names begin with, by keys.
+    let some =
+        &desk.answers("simulate s.toml --sensitivity --wrt friction,qd,contact.friction --json", "")[0]["sensitivity"];
+    assert_eq!(texts(&some["names"]), ["friction", "qd shoulder", "qd elbow", "contact.friction"]);
+    for (row, all) in some["final"].as_array().unwrap().iter().zip(rows) {
+        let (own, all) = (numbers(&row["by"]), numbers(&all["by"]));
+        let scale = all.iter().fold(1.0, |most: f64, x| most.max(x.abs()));
+        assert_eq!(own.len(), 4);
+        own.iter().zip([all[5], all[2], all[3], all[5]]).for_each(|(own, all)| close("wrt", *own, all, 1e-8 * scale));
+    }
+    refused(
+        desk.run("simulate s.toml --sensitivity --wrt frction"),
+        "--wrt: 'frction' is no number of the scene: wrt has \"q\", \"qd\", q shoulder, q elbow, qd shoulder, qd elbow, restitution, \
+         friction, and paths of keys like contact.friction",
+    );
+    refused(
+        desk.run("simulate s.toml --sensitivity --wrt contact.law"),
+        "--wrt: contact.law: the scene has no number there: give it one, so that it can be changed; lists have entries like \
+         run.gravity[2]",
+    );
+    usage(desk.run("simulate s.toml --wrt q"), "--sensitivity");
     let text = desk.run("simulate s.toml --sensitivity").out;
     assert!(text.contains("\n  time of impact at 2.8749") && text.contains("\n  final qd elbow: "), "{text}");
 }

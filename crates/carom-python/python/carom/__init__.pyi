@@ -249,6 +249,7 @@ class Chain:
         package_dirs: Sequence[_Path] = (),
         rotor_inertia: Mapping[str, float] = ...,
         mass: Mapping[str, float] = ...,
+        inertia: Mapping[str, Sequence[float]] = ...,
     ) -> Chain:
         """Reads a URDF: the path of a file, or the text of one.
 
@@ -277,6 +278,7 @@ class Chain:
         package_dirs: Sequence[_Path] = (),
         rotor_inertia: Mapping[str, float] = ...,
         mass: Mapping[str, float] = ...,
+        inertia: Mapping[str, Sequence[float]] = ...,
     ) -> Chain:
         """Reads a robot of the package `robot_descriptions`, for example "panda_description". The other arguments are those of
         `from_urdf`.

@@ -41,9 +41,14 @@ pub(crate) trait ControlLaw {
         false
     }
 
-    /// The derivative of the force at a joint by its number of this name, of [`Drive::parameters`](super::Drive).
-    fn force_by(&self, _name: &str, _joint: &Motor, _state: State) -> f64 {
+    /// The derivative of the force at a joint by its number, of [`Drive::parameters`](super::Drive).
+    fn force_by(&self, _number: Number, _joint: &Motor, _asked: &Asked, _state: State) -> f64 {
         0.0
+    }
+
+    /// The first and the last time at which a row of its table over time acts.
+    fn span(&self, _row: usize) -> [f64; 2] {
+        [f64::NEG_INFINITY, f64::INFINITY]
     }
 
     /// The next time at which the forces have a kink.
@@ -79,6 +84,14 @@ impl Asked<'_> {
     pub fn was_hit(&self) -> bool {
         self.hit.contains(&true)
     }
+}
+
+/// A number of a controller at a joint by which a run can be differentiated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Number {
+    pub name: &'static str,
+    /// Its row, in a table over time.
+    pub row: Option<usize>,
 }
 
 /// A part of a controller that depends on the chain.

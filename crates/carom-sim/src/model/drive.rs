@@ -1,6 +1,6 @@
 //! Joint drives: the list of controllers.
 
-use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
+use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Number, Part, State};
 use super::controller::{Controller, UserController};
 use super::gains::{Gains, Motor, motors};
 use super::impact_controllers::{ImpactInvariant, Transition};
@@ -138,18 +138,52 @@ impl Drive {
         of_controller!(self, own => own.parts())
     }
 
-    /// The numbers at a joint by which a run can be differentiated, each with its name. `nv`: number of velocities of the chain.
-    pub(super) fn parameters(&mut self, joint: &Motor, nv: usize) -> Vec<(&'static str, &mut f64)> {
-        if !matches!(self, Self::Constant(_) | Self::Pd(_)) {
-            return Vec::new();
+    /// The numbers at a joint by which a run can be differentiated, beside the points of a reference. `nv`: number of velocities of
+    /// the chain.
+    pub(super) fn parameters(&mut self, joint: &Motor, nv: usize) -> Vec<(Number, &mut f64)> {
+        match self {
+            Self::Constant(_) | Self::Pd(_) | Self::Tracking(_) | Self::Table(_) => {}
+            Self::Robots(robots) => {
+                let own = robots.iter_mut().filter(|it| it.v.contains(&joint.v));
+                return own.flat_map(|it| it.drive.parameters(joint, nv)).collect();
+            }
+            _ => return Vec::new(),
         }
-        let number = |(name, part)| match part {
-            Part::Q(numbers) => Some((name, &mut numbers[joint.q])),
-            Part::V(numbers) => Some((name, &mut numbers[joint.v])),
-            Part::Gains(gains) => Some((name, &mut gains.each(nv)[joint.v])),
-            Part::Link(_) => None,
+        let table = matches!(self, Self::Table(_));
+        let number = |(row, (name, part))| {
+            let number = Number { name, row: table.then_some(row) };
+            match part {
+                Part::Q(numbers) => Some((number, &mut numbers[joint.q])),
+                Part::V(numbers) => Some((number, &mut numbers[joint.v])),
+                Part::Gains(gains) => Some((number, &mut gains.each(nv)[joint.v])),
+                Part::Link(_) => None,
+            }
         };
-        self.parts().into_iter().filter_map(number).collect()
+        self.parts().into_iter().enumerate().filter_map(number).collect()
+    }
+
+    /// The tracking that drives a joint, and the number of the joint in its reference. `motors`: those of the chain.
+    pub(super) fn tracking(&mut self, joint: &Motor, motors: &[Motor]) -> Option<(&mut Tracking, usize)> {
+        match self {
+            Self::Tracking(own) => Some((own, motors.iter().position(|motor| motor == joint)?)),
+            Self::Robots(robots) => {
+                let own = robots.iter_mut().find(|it| it.v.contains(&joint.v))?;
+                let first = motors.partition_point(|motor| motor.v < own.v.start);
+                own.drive.tracking(joint, &motors[first..])
+            }
+            _ => None,
+        }
+    }
+
+    /// The first and the last time at which a number of a joint acts.
+    pub(crate) fn span(&self, number: Number, joint: &Motor) -> [f64; 2] {
+        match self {
+            Self::Robots(robots) => {
+                let own = robots.iter().find(|it| it.v.contains(&joint.v));
+                own.map_or([f64::INFINITY; 2], |it| it.drive.span(number, joint))
+            }
+            own => number.row.map_or([f64::NEG_INFINITY, f64::INFINITY], |row| own.law().span(row)),
+        }
     }
 
     /// The drive of one robot as a drive of the joined chain: its numbers at the robot's entries, zeros elsewhere.
@@ -275,6 +309,14 @@ impl ControlLaw for Vec<RobotDrive> {
     fn gains(&self, v: usize) -> (f64, f64) {
         let own = self.iter().filter(|it| it.v.contains(&v)).flat_map(RobotDrive::drives);
         own.map(|drive| drive.law().gains(v)).fold((0.0, 0.0), |(p, d), (p2, d2)| (p.max(p2), d.max(d2)))
+    }
+
+    fn force_by(&self, number: Number, joint: &Motor, asked: &Asked, state: State) -> f64 {
+        let Some(it) = self.iter().find(|it| it.v.contains(&joint.v)) else { return 0.0 };
+        let hit = asked.hit.get(it.v.clone()).unwrap_or_default();
+        let own = Asked { motors: it.motors(asked.motors), hit, ..*asked };
+        let changed = it.after_impact.is_some() && own.was_hit();
+        if changed { 0.0 } else { it.drive.law().force_by(number, joint, &own, state) }
     }
 
     fn is_decoupled(&self) -> bool {

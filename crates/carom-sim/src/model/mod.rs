@@ -15,7 +15,7 @@ mod torques;
 mod tracking;
 mod wrench;
 
-pub(crate) use control_law::Asked;
+pub(crate) use control_law::{Asked, Number};
 pub use controller::{Controller, Observed};
 pub use drive::{Drive, RobotDrive};
 pub use gains::Gains;

@@ -1,5 +1,6 @@
 //! The numbers of a simulation by which a run can be differentiated.
 
+use super::control_law::Number;
 use super::gains::{Motor, motors};
 use super::simulation::Simulation;
 use crate::contact::{ContactLaw, Touch};
@@ -24,11 +25,13 @@ pub(crate) enum Place {
     /// A coefficient of the contacts under a law of `carom-impact`.
     Restitution,
     Friction,
-    /// The number of this name of the drive of a joint.
+    /// A number of the drive of a joint.
     Motor {
-        name: &'static str,
+        number: Number,
         joint: Motor,
     },
+    /// A point of a reference trajectory: it acts on the forces of the motors, which have no closed form by it.
+    Reference,
     Anywhere,
 }
 
@@ -82,7 +85,7 @@ impl Parameter {
         let own = match self.place {
             Place::Restitution => RESTITUTION,
             Place::Friction => FRICTION,
-            Place::Motor { .. } | Place::Anywhere => return false,
+            Place::Motor { .. } | Place::Reference | Place::Anywhere => return false,
         };
         let law = &touch.contact.law;
         touch.link().is_some() && !law.is_users() && own(law, &mut law.coefficients.clone()).is_some()
@@ -123,8 +126,9 @@ impl Parameter {
         Self { place, ..Self::new(name, 1.0, change) }
     }
 
-    /// The parameters of a simulation: `restitution` and `friction` where there are contacts with them, and of the drive `kp`,
-    /// `kd`, `target` (PD control) or `torque` (constant) of each joint with one coordinate, as `kp elbow`.
+    /// The parameters of a simulation: `restitution` and `friction` where there are contacts with them, and of the drive `kp`, `kd`,
+    /// `target` (PD control) or `torque` (constant) of each joint with one coordinate, as `kp elbow`. Of a table of torques and of a
+    /// reference trajectory each row is a parameter, as `torque elbow 3` and `reference elbow 3` for its third row.
     pub fn all(simulation: &Simulation) -> Vec<Self> {
         let own = simulation.touches.iter().filter(|touch| touch.link().is_some()).map(|touch| &touch.contact.law);
         let own: Vec<&ContactLaw> = own.filter(|law| !law.is_users()).collect();
@@ -132,20 +136,45 @@ impl Parameter {
         let mut all = Vec::new();
         all.extend(has(RESTITUTION).then(Self::restitution));
         all.extend(has(FRICTION).then(Self::friction));
-        for motor in motors(&simulation.chain) {
+        let (mut drive, nv) = (simulation.drive.clone(), simulation.chain.nv());
+        let joints = motors(&simulation.chain);
+        for motor in &joints {
             let joint =
                 simulation.chain.joint_of_velocity(motor.v).map_or_else(String::new, |joint| joint.name.clone());
-            let nv = simulation.chain.nv();
-            for (name, size) in simulation.drive.clone().parameters(&motor, nv) {
-                let change = move |simulation: &mut Simulation, delta: f64| {
-                    let own = simulation.drive.parameters(&motor, nv).into_iter();
-                    own.filter(|(other, _)| *other == name).for_each(|(_, number)| *number += delta);
-                };
-                let place = Place::Motor { name, joint: motor };
-                all.push(Self { place, ..Self::new(format!("{name} {joint}"), size.abs().max(1.0), change) });
+            all.extend(
+                drive
+                    .parameters(motor, nv)
+                    .into_iter()
+                    .map(|(number, size)| Self::of_motor(&joint, number, *size, (*motor, nv))),
+            );
+            if let Some((tracking, k)) = drive.tracking(motor, &joints) {
+                let reference = &tracking.reference;
+                let sizes = (0..reference.rows()).map(|row| (row, reference.position(k, row)));
+                all.extend(sizes.map(|(row, size)| Self::of_reference(&joint, row, size, *motor)));
             }
         }
         all
+    }
+
+    fn of_motor(joint: &str, number: Number, size: f64, (motor, nv): (Motor, usize)) -> Self {
+        let change = move |simulation: &mut Simulation, delta: f64| {
+            let own = simulation.drive.parameters(&motor, nv).into_iter();
+            own.filter(|(other, _)| *other == number).for_each(|(_, number)| *number += delta);
+        };
+        let Number { name, row } = number;
+        let name = row.map_or_else(|| format!("{name} {joint}"), |row| format!("{name} {joint} {}", row + 1));
+        let place = Place::Motor { number, joint: motor };
+        Self { place, ..Self::new(name, size.abs().max(1.0), change) }
+    }
+
+    fn of_reference(joint: &str, row: usize, size: f64, motor: Motor) -> Self {
+        let change = move |simulation: &mut Simulation, delta: f64| {
+            if let Some((tracking, k)) = simulation.drive.tracking(&motor, &motors(&simulation.chain)) {
+                tracking.reference.shift(k, row, delta);
+            }
+        };
+        let place = Place::Reference;
+        Self { place, ..Self::new(format!("reference {joint} {}", row + 1), size.abs().max(1.0), change) }
     }
 }
 

@@ -1,6 +1,6 @@
 //! PD control.
 
-use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
+use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Number, Part, State};
 use super::gains::{Gains, Motor};
 use crate::error::{SimError, require};
 use crate::state::Space;
@@ -35,8 +35,8 @@ impl ControlLaw for Pd {
         true
     }
 
-    fn force_by(&self, name: &str, joint: &Motor, (q, qd): State) -> f64 {
-        match name {
+    fn force_by(&self, number: Number, joint: &Motor, _: &Asked, (q, qd): State) -> f64 {
+        match number.name {
             "kp" => self.target[joint.q] - q[joint.q],
             "kd" => -qd[joint.v],
             "target" => self.kp.at(joint.v),

@@ -55,6 +55,23 @@ impl Reference {
         Ok(Self { times, curves })
     }
 
+    /// Number of rows.
+    pub(super) fn rows(&self) -> usize {
+        self.times.len()
+    }
+
+    /// The position of joint `k` in a row.
+    pub(super) fn position(&self, k: usize, row: usize) -> f64 {
+        self.curves[k].y[row]
+    }
+
+    /// Adds to it; the spline goes through the new position.
+    pub(super) fn shift(&mut self, k: usize, row: usize, by: f64) {
+        let curve = &mut self.curves[k];
+        curve.y[row] += by;
+        curve.m = second_derivatives(&self.times, &curve.y);
+    }
+
     /// Number of joints.
     pub(crate) fn joints(&self) -> usize {
         self.curves.len()

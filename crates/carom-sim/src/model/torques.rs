@@ -1,8 +1,8 @@
 //! Joint forces without feedback: none, constant ones, those of a table, and those that balance gravity.
 
-use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
+use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Number, Part, State};
 use super::gains::Motor;
-use crate::error::{SimError, require};
+use crate::error::SimError;
 use crate::state::{Space, View, between, check_rows, next_of};
 
 /// Motors off.
@@ -14,7 +14,7 @@ pub(super) struct GravityCompensation;
 /// Joint forces at given times, interpolated linearly, constant before the first and after the last time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TorqueTable {
-    /// Ascending times, s.
+    /// Ascending times, s. A time that is given twice is a jump.
     pub times: Vec<f64>,
     /// Joint forces at each time, length nv; N m or N.
     pub forces: Vec<Vec<f64>>,
@@ -40,8 +40,8 @@ impl ControlLaw for Vec<f64> {
         true
     }
 
-    fn force_by(&self, name: &str, _: &Motor, _: State) -> f64 {
-        if name == "torque" { 1.0 } else { 0.0 }
+    fn force_by(&self, _: Number, _: &Motor, _: &Asked, _: State) -> f64 {
+        1.0
     }
 
     fn drive<A: Space>(&self, _: &Asked, _: Body<A>, _: State, add: Add) -> Result<(), SimError> {
@@ -52,19 +52,31 @@ impl ControlLaw for Vec<f64> {
 
 impl ControlLaw for TorqueTable {
     fn parts(&mut self) -> Vec<(&'static str, Part<'_>)> {
-        self.forces.iter_mut().map(|row| ("tau", Part::V(row))).collect()
+        self.forces.iter_mut().map(|row| ("torque", Part::V(row))).collect()
     }
 
     fn check(&self, _: &Driven) -> Result<(), SimError> {
         let Self { times, forces } = self;
         let names = ["number of rows of the torque table", "number in the torque table", "time in the torque table"];
-        check_rows(names, times, forces)?;
-        let rule = "the times of a torque table must ascend";
-        times.windows(2).try_for_each(|pair| require(pair[0] < pair[1], names[2], pair[1], rule))
+        check_rows(names, times, forces)
     }
 
     fn is_decoupled(&self) -> bool {
         true
+    }
+
+    fn force_by(&self, number: Number, _: &Motor, asked: &Asked, _: State) -> f64 {
+        let (before, after, share) = between(&self.times, asked.time);
+        match number.row {
+            Some(row) if row == before => 1.0 - share,
+            Some(row) if row == after => share,
+            _ => 0.0,
+        }
+    }
+
+    fn span(&self, row: usize) -> [f64; 2] {
+        let first = row.checked_sub(1).map_or(f64::NEG_INFINITY, |before| self.times[before]);
+        [first, self.times.get(row + 1).copied().unwrap_or(f64::INFINITY)]
     }
 
     fn next_kink(&self, time: f64) -> Option<f64> {

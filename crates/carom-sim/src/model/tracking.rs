@@ -5,8 +5,8 @@
 //! | r, ṙ, r̈ | nv | reference |
 //! | τ_p | nv | passive joint forces: damping and springs |
 
-use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Part, State};
-use super::gains::Gains;
+use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Number, Part, State};
+use super::gains::{Gains, Motor};
 use super::reference::Reference;
 use crate::error::{SimError, require};
 use crate::state::{Space, View};
@@ -47,6 +47,16 @@ impl ControlLaw for Tracking {
 
     fn is_decoupled(&self) -> bool {
         true
+    }
+
+    fn force_by(&self, number: Number, joint: &Motor, asked: &Asked, (q, qd): State) -> f64 {
+        let Some(k) = asked.motors.iter().position(|motor| motor.v == joint.v) else { return 0.0 };
+        let [r, rate, _] = self.reference.at(k, asked.time);
+        match number.name {
+            "kp" => r - q[joint.q],
+            "kd" => rate - qd[joint.v],
+            _ => 0.0,
+        }
     }
 
     fn next_kink(&self, time: f64) -> Option<f64> {

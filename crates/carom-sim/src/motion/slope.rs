@@ -25,7 +25,7 @@ use super::held::Detail;
 use super::rows::push;
 use super::smooth::Motion;
 use crate::error::SimError;
-use crate::model::Motor;
+use crate::model::{Motor, Number};
 use crate::state::{EXACT, Loops, Space};
 use carom_chain::Rows;
 use nalgebra::{DMatrix, DVector};
@@ -95,10 +95,11 @@ impl<A: Space> Motion<'_, A> {
         own.then(|| self.regulation(&at.limited).into())
     }
 
-    /// The derivative of the force of a motor by the number of this name of its drive.
-    pub fn motor_by(&self, (name, joint): (&str, &Motor), y: &[f64], at: &Linear) -> f64 {
-        let own = std::ptr::eq(self.drive(), &self.sim.drive) && at.limited.get(joint.v) != Some(&true);
-        if own { self.drive().law().force_by(name, joint, self.sim.split(y)) } else { 0.0 }
+    /// The derivative of the force of a motor by a number of its drive.
+    pub fn motor_by(&mut self, (number, joint): (Number, &Motor), (time, y): (f64, &[f64]), at: &Linear) -> f64 {
+        let (sim, drive) = (self.sim, self.drive());
+        let own = std::ptr::eq(drive, &sim.drive) && at.limited.get(joint.v) != Some(&true);
+        if own { drive.law().force_by(number, joint, &self.asked(time, true).0, sim.split(y)) } else { 0.0 }
     }
 
     /// τ + Fᵀλ + Lᵀμ, R q̈ + γ, L q̈ + κ and β at a state, with the accelerations and forces of `at`.

@@ -170,18 +170,24 @@ impl<'a, A: Space> Motion<'a, A> {
         limited: bool,
         tau: &mut [f64],
     ) -> Result<f64, SimError> {
-        let (sim, drive) = (self.sim, self.drive());
+        let (drive, model) = (self.drive(), self.model);
+        let (asked, workspace) = self.asked(time, limited);
+        drive.push(&asked, (model, workspace), state, tau)
+    }
+
+    /// What a drive is given beside the state, and scratch memory.
+    pub fn asked(&mut self, time: f64, limited: bool) -> (Asked<'_>, &mut Workspace<A>) {
         let asked = Asked {
-            chain: &sim.chain,
+            chain: &self.sim.chain,
             time,
-            gravity: sim.gravity,
+            gravity: self.sim.gravity,
             hit: &self.active.was_hit,
             motors: &self.motors,
             limits: if limited { &self.limits } else { &[] },
             damping: &self.damping,
             springs: &self.springs,
         };
-        drive.push(&asked, (self.model, &mut self.workspace), state, tau)
+        (asked, &mut self.workspace)
     }
 
     /// The forces of the motors, after their limits, length nv.

@@ -26,18 +26,20 @@ pub(crate) struct Four<A: Space> {
 }
 
 /// These, once they are made.
-pub(crate) type Others<A> = OnceCell<Four<A>>;
+pub(crate) type Others<A> = OnceCell<Box<Four<A>>>;
 
 /// A parameter, and the runs in which it is changed, which are made when they are needed: its derivative may have closed forms.
 pub(crate) struct Changed<'a, 'w, A: Space> {
     pub parameter: &'a Parameter,
     /// The number of which multiples are added to it.
     pub by: f64,
+    /// The first and the last time at which it acts.
+    span: [f64; 2],
     base: Base<'a, A>,
     /// The chain of a changed simulation.
     model: fn(&Simulation) -> Option<A::Model>,
     others: &'a Others<A>,
-    runs: Option<[Run<'a, 'w, A>; 4]>,
+    runs: Option<Box<[Run<'a, 'w, A>; 4]>>,
 }
 
 impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
@@ -50,11 +52,20 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
         others: &'a Others<A>,
     ) -> Result<Self, SimError> {
         let by = DIFFERENCE * parameter.scale();
-        let mut changed = Self { parameter, by, base, model, others, runs: None };
+        let span = match parameter.place() {
+            Place::Motor { number, joint } => base.0.drive.span(number, &joint),
+            _ => [f64::NEG_INFINITY, f64::INFINITY],
+        };
+        let mut changed = Self { parameter, by, span, base, model, others, runs: None };
         if matches!(parameter.place(), Place::Anywhere) {
             changed.runs()?;
         }
         Ok(changed)
+    }
+
+    /// Whether it acts between these times.
+    pub fn acts(&self, from: f64, to: f64) -> bool {
+        self.span[0] < to && from < self.span[1]
     }
 
     /// The runs, in any mode.
@@ -67,7 +78,7 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
             let others = match self.others.get() {
                 Some(others) => others,
                 None => {
-                    let made = self.change()?;
+                    let made = Box::new(self.change()?);
                     self.others.get_or_init(|| made)
                 }
             };
@@ -76,9 +87,9 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
                 let model = others.models.as_ref().map_or(model, |models| &models[k]);
                 Run::at_start(other, model, start, Sampling::default(), silent())
             };
-            self.runs = Some([beside(0, a)?, beside(1, b)?, beside(2, c)?, beside(3, d)?]);
+            self.runs = Some(Box::new([beside(0, a)?, beside(1, b)?, beside(2, c)?, beside(3, d)?]));
         }
-        self.runs.as_mut().map_or_else(|| unreachable!("the runs are made"), Ok)
+        self.runs.as_deref_mut().map_or_else(|| unreachable!("the runs are made"), Ok)
     }
 
     fn change(&self) -> Result<Four<A>, SimError> {

@@ -48,13 +48,13 @@ const SLOWER: f64 = 1e-2;
 const KINK: f64 = 0.05;
 
 impl<A: Space> Follow<'_, '_, A> {
-    /// Ξ, τ′, and what the parameters add.
+    /// Ξ, τ′, and what the parameters add; `None` where nothing happens.
     pub(super) fn event(
         &mut self,
         ending: Ending,
         active: &ActiveSet,
         each: &mut dyn Maps,
-    ) -> Result<LinearEvent, Stop> {
+    ) -> Result<Option<LinearEvent>, Stop> {
         let (time, x) = (self.run.time, self.run.x());
         let f = self.probe.field(time, &x)?;
         let guard = if let Ending::Fired(guard) = ending { Some(guard) } else { None };
@@ -71,6 +71,9 @@ impl<A: Space> Follow<'_, '_, A> {
             return self.broken(time, "time steps begin, which have no derivative");
         }
         let is_force = guard.is_some_and(|guard| guard.is() == Is::Force);
+        if (guard.is_none() || is_force) && self.goes_on(&before) {
+            return Ok(None);
+        }
         if rate == 0.0 || !is_force && rate.abs() <= GRAZING * pace {
             return self.broken(time, "it grazes: a neighbouring motion may miss this event");
         }
@@ -130,11 +133,14 @@ impl<A: Space> Follow<'_, '_, A> {
                 }
                 continue;
             }
+            if !self.changed[p].acts(before.time.next_down(), after.time.next_up()) {
+                continue;
+            }
             let none = DVector::zeros(before.x.len());
             time_push[p] = self.time_by(&none, Some(p), &before)?;
             push.set_column(p, &self.column_after((none, time_push[p]), Some(p), &before, (&after, &middle))?);
         }
-        Ok(LinearEvent {
+        Ok(Some(LinearEvent {
             time,
             kinds: self.kinds.borrow_mut().drain(..).map(|noted| noted.kind).collect(),
             map: map * &coordinates,
@@ -142,7 +148,15 @@ impl<A: Space> Follow<'_, '_, A> {
             time_by: coordinates.tr_mul(&time_by),
             time_push,
             counts: is_force || rate.abs() > FAINT * pace,
-        })
+        }))
+    }
+
+    /// Whether the motion goes on as before. Kinks of forces that change no mode are such, and forces whose zero is located so early that
+    /// the mode is chosen once more: its change follows.
+    fn goes_on(&self, before: &Before) -> bool {
+        let (run, active) = (&self.run, &before.active);
+        let modes = active.lasting == run.motion.active.lasting && active.dry == run.motion.active.dry;
+        modes && self.kinds.borrow().is_empty() && run.time == before.time
     }
 
     /// The touch of an event that is its impact and nothing else, whose derivative has a closed form.

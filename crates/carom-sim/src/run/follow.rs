@@ -203,8 +203,9 @@ impl<A: Space> Follow<'_, '_, A> {
                 self.broken(time, "the mode cannot be continued, and the motion jumps or is computed by time steps")
             }
             Ending::Kink | Ending::Fired(_) => {
-                let event = self.event(ending, &active, each)?;
-                each.add(Piece::Event(event));
+                if let Some(event) = self.event(ending, &active, each)? {
+                    each.add(Piece::Event(event));
+                }
                 Ok(())
             }
         }

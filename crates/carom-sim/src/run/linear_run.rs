@@ -115,13 +115,16 @@ impl Maps for AllColumns {
 /// The linear maps of a run, and S after the first `done` of them.
 pub(crate) struct Pieces {
     pieces: Vec<Piece>,
-    all: AllColumns,
+    /// The numbers of the start and of the parameters.
+    sizes: (usize, usize),
+    all: Option<AllColumns>,
     done: usize,
 }
 
 impl Pieces {
-    pub fn new(all: AllColumns) -> Self {
-        Self { pieces: Vec::new(), all, done: 0 }
+    /// Of the derivatives by a start of `moving` numbers and by parameters.
+    pub fn new(moving: usize, parameters: usize) -> Self {
+        Self { pieces: Vec::new(), sizes: (moving, parameters), all: None, done: 0 }
     }
 }
 
@@ -132,9 +135,11 @@ impl Maps for Pieces {
     }
 
     fn columns(&mut self) -> Option<DMatrix<f64>> {
-        self.pieces[self.done..].iter().try_for_each(|piece| self.all.pass(piece))?;
+        let (moving, parameters) = self.sizes;
+        let all = self.all.get_or_insert_with(|| AllColumns::new(moving, parameters));
+        self.pieces[self.done..].iter().try_for_each(|piece| all.pass(piece))?;
         self.done = self.pieces.len();
-        self.all.columns()
+        all.columns()
     }
 }
 

@@ -128,7 +128,7 @@ fn linear(
     duration: f64,
     parameters: &[Parameter],
 ) -> Result<LinearRun, SimError> {
-    let mut pieces = Pieces::new(AllColumns::new(2 * simulation.chain.nv(), parameters.len()));
+    let mut pieces = Pieces::new(2 * simulation.chain.nv(), parameters.len());
     let end = differentiate(simulation, flat, (start, duration), parameters, &mut pieces)?;
     if let Some(Broken { time, reason }) = end.broken {
         return Err(SimError::NoDerivative { time, reason });

@@ -120,7 +120,7 @@ impl<A: Space> Run<'_, '_, A> {
     }
 
     /// A and P.
-    fn slopes(&mut self, time: f64, x: &[f64], changed: &mut [Changed<A>]) -> Result<[DMatrix<f64>; 2], SimError> {
+    fn slopes(&mut self, time: f64, x: &[f64], changed: &mut [&mut Changed<A>]) -> Result<[DMatrix<f64>; 2], SimError> {
         let tangent = self.tangent(x);
         let y = self.y_of(x);
         if self.slips() {
@@ -151,7 +151,7 @@ impl<A: Space> Run<'_, '_, A> {
         &mut self,
         (time, x): (f64, &[f64]),
         (y, tangent, nearest): (&[f64], &DMatrix<f64>, f64),
-        changed: &mut [Changed<A>],
+        changed: &mut [&mut Changed<A>],
         (slope, push): (&mut DMatrix<f64>, &mut DMatrix<f64>),
     ) -> Result<(), SimError> {
         let (nq, nv) = (self.motion.sim.chain.nq(), self.motion.sim.chain.nv());
@@ -216,7 +216,7 @@ impl<A: Space> Run<'_, '_, A> {
     ) -> Result<DVector<f64>, SimError> {
         let mut change = DVector::zeros(len);
         match changed.parameter.place() {
-            Place::Motor { name, joint } => change[joint.v] = self.motion.motor_by((name, &joint), y, at),
+            Place::Motor { number, joint } => change[joint.v] = self.motion.motor_by((number, &joint), (time, y), at),
             Place::Restitution | Place::Friction if self.motion.is_free(at) => {}
             _ => {
                 let by = changed.by;
@@ -283,8 +283,10 @@ pub(crate) struct LinearStep {
     sizes: (usize, usize),
     /// (B, C), r×n.
     slopes: Vec<DMatrix<f64>>,
-    /// P, r×p.
+    /// The columns of P of the parameters that act during the step, r×p.
     pushes: Vec<DMatrix<f64>>,
+    /// The numbers of these parameters.
+    acting: Vec<usize>,
 }
 
 impl LinearStep {
@@ -295,16 +297,19 @@ impl LinearStep {
         let (nq, nv) = (run.motion.sim.chain.nq(), run.motion.sim.chain.nv());
         let known = if nq == nv { nq } else { 0 };
         let (mut slopes, mut pushes) = (Vec::with_capacity(4), Vec::with_capacity(4));
+        let acts = |changed: &Changed<A>| changed.acts(step.start, step.end);
+        let acting = changed.iter().enumerate().filter(|(_, it)| acts(it)).map(|(p, _)| p).collect();
+        let mut changed: Vec<&mut Changed<A>> = changed.iter_mut().filter(|it| acts(it)).collect();
         let mut n = 0;
         for (point, state) in Step::POINTS.iter().zip(&step.states) {
             let x = run.x_of(state, &memory);
             n = x.len();
-            let [slope, push] = run.slopes(step.start + h * point, &x, changed)?;
+            let [slope, push] = run.slopes(step.start + h * point, &x, &mut changed)?;
             slopes.push(slope.rows(known, n - known).into_owned());
             pushes.push(push.rows(known, n - known).into_owned());
         }
         run.y_of(&run.x_of(&step.states[3], &memory));
-        Ok(Self { h, sizes: (known, n - known), slopes, pushes })
+        Ok(Self { h, sizes: (known, n - known), slopes, pushes, acting })
     }
 
     /// The matrix of the stages Z, or its transpose.
@@ -330,11 +335,12 @@ impl LinearStep {
         let (nq, r) = self.sizes;
         let (h, k) = (self.h, s.ncols());
         let mut right = DMatrix::zeros(4 * r, k);
+        let changes = changes.select_rows(&self.acting);
         for i in 0..4 {
             let mut middle = s.clone();
             let mut positions = middle.rows_mut(0, nq);
             positions += s.rows(nq, nq) * (h * Step::POINTS[i]);
-            right.view_mut((i * r, 0), (r, k)).copy_from(&(&self.slopes[i] * middle + &self.pushes[i] * changes));
+            right.view_mut((i * r, 0), (r, k)).copy_from(&(&self.slopes[i] * middle + &self.pushes[i] * &changes));
         }
         if r > 0 && !self.stages(gauss, false).solve_mut(&mut right) {
             return None;
@@ -376,7 +382,8 @@ impl LinearStep {
             before += &back;
             let mut velocities = before.rows_mut(nq, nq);
             velocities += back.rows(0, nq) * (h * Step::POINTS[i]);
-            gradient.gemv_tr(1.0, &self.pushes[i], &own, 1.0);
+            let by = self.pushes[i].tr_mul(&own);
+            self.acting.iter().zip(by.iter()).for_each(|(&p, by)| gradient[p] += by);
         }
         Some(before)
     }

@@ -162,6 +162,8 @@ key_group! {
         rotor_inertia: BTreeMap<String, f64>,
         /// As in [`LoadOptions`].
         mass: BTreeMap<String, f64>,
+        /// As in [`LoadOptions`].
+        inertia: BTreeMap<String, [f64; 6]>,
     }
 }
 
@@ -183,6 +185,7 @@ impl Loading {
             package_dirs: self.package_dirs.iter().map(|dir| folder.join(dir)).collect(),
             rotor_inertia: self.rotor_inertia.clone(),
             mass: self.mass.clone(),
+            inertia: self.inertia.clone(),
             ..LoadOptions::default()
         };
         Ok((folder.join(&self.urdf), options))

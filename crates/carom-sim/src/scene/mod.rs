@@ -7,15 +7,19 @@ mod file;
 mod force;
 #[doc(hidden)] // shared with study files
 pub mod keys;
+#[doc(hidden)] // shared with the Python package
+pub mod path;
 mod perturb;
 mod robots;
 mod surface;
 mod table;
 mod toml;
+mod wanted;
 
 pub use perturb::{Distribution, Perturbation};
 #[doc(hidden)]
 pub use toml::from_toml;
+pub use wanted::Columns;
 
 use crate::contact::{ContactRule, Surface, Touch, Touches};
 use crate::error::SimError;
@@ -79,6 +83,8 @@ pub struct Scene {
     pub full: bool,
     /// The text of the scene file.
     pub text: String,
+    /// The folder to which file names in the text are relative.
+    pub folder: PathBuf,
     /// Every file that was read: scene, robot, meshes of robot and surfaces, tables.
     pub files: Vec<PathBuf>,
     /// Warnings: a start outside joint limits, a `[[contact.pair]]` that applies to no contact. Those about the robot are in
@@ -236,6 +242,7 @@ impl Scene {
             out_of_reach: left_out,
             full,
             text: text.to_owned(),
+            folder: folder.to_owned(),
             files,
             warnings,
         })

@@ -94,10 +94,8 @@ impl Columns {
             times.push(row[time]);
             numbers.push(places.iter().map(|place| place.map_or(0.0, |k| row[k])).collect());
             let [.., before, now] = times.as_slice() else { continue };
-            if now < before || (all && now == before) {
-                return Err(format!(
-                    "{unit} {line}: time {now} is not above that of the previous row: times must ascend"
-                ));
+            if now < before {
+                return Err(format!("{unit} {line}: time {now} is below that of the previous row: times must ascend"));
             }
         }
         if times.is_empty() {
