@@ -31,6 +31,7 @@ use crate::chain::Chain;
 use crate::error::ChainError;
 use crate::urdf::JointType;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use std::f64::consts::TAU;
 
 impl<A: Algebra> Chain<A> {
     /// Checks `q` and `qd`: lengths, finite numbers, unit quaternions.
@@ -92,7 +93,9 @@ impl<A: Algebra> Chain<A> {
             };
             let unit = if joint.kind == JointType::Prismatic { "m" } else { "rad" };
             let (name, side) = (joint.name.as_str(), if position < limit { "below" } else { "above" });
-            outside.push((name, format!("joint '{name}' is at {position} {unit}, {side} its limit {limit} {unit}")));
+            let hint = if unit == "rad" && position.abs() > TAU { " (angles of joints are in rad)" } else { "" };
+            outside
+                .push((name, format!("joint '{name}' is at {position} {unit}, {side} its limit {limit} {unit}{hint}")));
         }
         outside
     }

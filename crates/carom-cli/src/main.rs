@@ -50,18 +50,18 @@ use std::sync::atomic::Ordering;
     name = "carom",
     version,
     verbatim_doc_comment,
-    term_width = 100,
+    term_width = 112,
     after_help = AFTER_HELP
 )]
 struct Cli {
-    /// Print no warnings on standard error
+    /// Print no warnings on standard error (those of inspect are part of its answer)
     #[arg(short, long, global = true, display_order = 998)]
     quiet: bool,
     #[command(subcommand)]
     command: Command,
 }
 
-/// Conventions and the contract of the streams. Lines end by hand before column 100, as those of all help texts.
+/// Conventions and the contract of the streams. Lines end by hand before column 100, as those of all help texts, which are indented.
 const AFTER_HELP: &str = "\
 Units: SI (m, rad, kg, s, N s, J); degrees only in names that end in _deg.
 Normals: unit vectors from the environment to the robot; an approach has u·n < 0.

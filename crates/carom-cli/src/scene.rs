@@ -10,7 +10,12 @@ use std::path::Path;
 pub fn load(file: &Path) -> Result<Scene, CliError> {
     let scene = Scene::from_file(file).map_err(|e| CliError::scene(file, e))?;
     let chain = &scene.simulation.chain;
-    tell(&format!("{}: robot '{}'", file.display(), chain.name()), chain);
+    let mut urdfs = scene.files.iter().filter(|file| file.extension().is_some_and(|it| it == "urdf"));
+    let robot = match (urdfs.next(), urdfs.next()) {
+        (Some(urdf), None) => urdf.display().to_string(),
+        _ => format!("robot '{}'", chain.name()),
+    };
+    tell(&format!("{}: {robot}", file.display()), chain);
     for warning in &scene.warnings {
         say(&format!("warning: {}: {warning}", file.display()));
     }

@@ -254,14 +254,16 @@ impl Scene {
         Ok(Self::new(scene, sources))
     }
 
-    /// Reads a scene from the text of a scene file; file names in it are relative to `folder`. Errors as `from_file`.
+    /// Reads a scene from the text of a scene file; file names in it are relative to `folder`, by default
+    /// the working folder. Errors as `from_file`.
     #[staticmethod]
     #[pyo3(signature = (text, folder=PathBuf::from(".")))]
     fn from_toml(py: Python<'_>, text: &str, folder: PathBuf) -> PyResult<Self> {
         Self::of_text(py, text, folder).map_err(raise)
     }
 
-    /// Reads a scene from a dict with the keys of a scene file; file names in it are relative to `folder`. Errors as `from_file`.
+    /// Reads a scene from a dict with the keys of a scene file; file names in it are relative to `folder`, by default
+    /// the working folder. Errors as `from_file`.
     #[staticmethod]
     #[pyo3(signature = (keys, folder=PathBuf::from(".")))]
     fn from_dict(py: Python<'_>, keys: Given, folder: PathBuf) -> PyResult<Self> {

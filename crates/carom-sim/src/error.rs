@@ -140,7 +140,7 @@ pub enum SimError {
     /// At the start the chain overlaps a surface, another link or a joint limit.
     #[error(
         "at the start {touch} overlaps by {} {unit}: choose a start without overlap{}", four_digits(*depth),
-        if *unit == "rad" { " (angles of joints are in rad)" } else { "" }
+        if *unit == "rad" { " (angles of joints are in rad)" } else { ", or turn a normal that points away from the robot" }
     )]
     Overlap {
         /// Name of the touch.

@@ -1,4 +1,29 @@
-#![doc = include_str!("../../../README.md")]
+//! carom computes what an impact does to every joint of a robot: qd⁺ = qd⁻ + M⁻¹ Jᵀ p. Its input is a URDF file, a configuration, a velocity
+//! and a contact surface; its output is the joint velocity after the impact, the impulse, the contact mode and the energy balance, under
+//! any of eight impact laws.
+//!
+//! ```
+//! use carom::prelude::*;
+//!
+//! let arm = carom::uniform_chain(2, 0.5, 2.0)?;
+//! let tip = arm.frame("tip")?;
+//! let law = Energetic { restitution: 0.35, friction: 0.2 };
+//! let hit = arm.impact(&[0.8, -1.6], &[-0.2, 0.6]).at(tip).normal([-1.0, 0.0, 0.0]).resolve(&law)?;
+//! println!("{:?} {:?} {}", hit.qd_plus, hit.mode, hit.energy_ratio());
+//! # Ok::<(), SimError>(())
+//! ```
+//!
+//! | to do | begin at |
+//! | --- | --- |
+//! | read a robot, compute M, J, bias and energies | [`Chain`](chain::Chain), [`Kinematics`](chain::Kinematics) |
+//! | one impact of a robot; the same many times | [`Strike`](sim::Strike), [`PreparedStrike`](sim::PreparedStrike) |
+//! | an impact law on plain numbers | [`ImpactProblem`](impact::ImpactProblem), [`Law`](impact::Law) |
+//! | motion through impacts | [`Scene`](sim::Scene), [`Simulation`](sim::Simulation), [`Session`](sim::Session) |
+//! | gradients of runs | [`Plan::linear_run`](sim::Plan::linear_run), [`Parameter`](sim::Parameter) |
+//! | impact maps, fits, tosses | [`study`] |
+//! | recordings | `record`, with the feature `rerun` |
+//!
+//! SI units and radians. Normals are unit vectors from the environment to the robot. The manual is the folder `book` of the repository.
 
 pub use carom_chain as chain;
 pub use carom_contact as contact;
@@ -26,6 +51,11 @@ pub mod prelude {
         Surface, Touch, Trajectory,
     };
 }
+
+/// The README, which `cargo test --doc` compiles and runs.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+mod readme {}
 
 /// The pages of the book with Rust code, which `cargo test --doc` compiles and runs.
 #[cfg(doctest)]

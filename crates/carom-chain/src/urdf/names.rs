@@ -22,6 +22,14 @@ pub(crate) fn suggestion(wanted: &str, names: &[&str]) -> String {
         Some((distance, name)) if distance <= 1 + wanted.chars().count() / 4 => {
             format!("did you mean '{}'?", shown(name))
         }
+        // Names often have the robot's before them.
+        _ if short && wanted.len() > 3 && names.iter().any(|name| name.contains(wanted)) => {
+            let like: Vec<&str> = names.iter().copied().filter(|name| name.contains(wanted)).collect();
+            format!(
+                "did you mean {}?",
+                if like.len() == 1 { listed(&like) } else { format!("one of {}", listed(&like)) }
+            )
+        }
         _ => format!("there are {}", listed(names)),
     }
 }

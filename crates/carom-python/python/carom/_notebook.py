@@ -6,6 +6,8 @@ import numpy as np
 
 ROWS = 10
 COLUMNS = 12
+# Lines of a legend beside axes of 2.5 inches.
+LINES = 11
 
 
 def pyplot():
@@ -98,7 +100,8 @@ def impact_plot(hit, axes):
 def run_plot(run, axes):
     """q and qd over time, with a line at each impact."""
     if axes is None:
-        axes = pyplot().subplots(2, 1, sharex=True, figsize=(8, 5), layout="constrained")[1]
+        width = 8 + 2 * (run.chain.nq // LINES)
+        axes = pyplot().subplots(2, 1, sharex=True, figsize=(width, 6), layout="constrained")[1]
     names = run.states.columns[1:]
     nq = run.chain.nq
     for own, values, labels in zip(axes, (run.q, run.qd), (names[:nq], names[nq:])):
@@ -107,7 +110,8 @@ def run_plot(run, axes):
         for event in run.events:
             if event.kind in ("impact", "several"):
                 own.axvline(event.time, color="grey", lw=0.5, zorder=0)
-        own.legend(fontsize="small")
+        # Beside the axes, in as many columns as its height asks for.
+        own.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1, 1), ncols=-(-len(labels) // LINES))
     axes[0].set_ylabel("q: rad, m")
     axes[1].set(xlabel="time, s", ylabel="qd: rad/s, m/s")
     return axes

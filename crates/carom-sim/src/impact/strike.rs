@@ -177,7 +177,7 @@ impl<'a> Strike<'a> {
     /// # Errors
     /// As [`Strike::prepare`]; [`SimError::Chain`] for an invalid state; [`SimError::SingularNormal`] or [`SimError::Locked`] if
     /// no (free) joint moves the contact point along the normal.
-    pub fn contact(self) -> Result<Contact<'a>, SimError> {
+    pub fn contact(&self) -> Result<Contact<'a>, SimError> {
         let aim = self.aim()?;
         self.chain.check_state(self.q, self.qd)?;
         Contact::new(aim, self.q, self.qd)
@@ -187,7 +187,7 @@ impl<'a> Strike<'a> {
     ///
     /// # Errors
     /// As [`Strike::contact`]; [`SimError::Impact`] for errors of the law.
-    pub fn resolve(self, law: &dyn Law<f64, 3>) -> Result<ChainImpact, SimError> {
+    pub fn resolve(&self, law: &dyn Law<f64, 3>) -> Result<ChainImpact, SimError> {
         let mut prepared = self.prepare()?;
         self.chain.check_state(self.q, self.qd)?;
         let mut hit = prepared.outcome();
@@ -216,7 +216,7 @@ impl<'a> Strike<'a> {
     /// # Errors
     /// As [`Strike::resolve`]; [`SimError::Impact`] for a user-defined law, which has no derivative;
     /// [`SimError::DerivativeOfHeldJoints`].
-    pub fn derivative(self, law: &dyn Law<f64, 3>) -> Result<ImpactDerivative, SimError> {
+    pub fn derivative(&self, law: &dyn Law<f64, 3>) -> Result<ImpactDerivative, SimError> {
         let mut prepared = self.prepare()?;
         self.chain.check_state(self.q, self.qd)?;
         prepared.derivative(self.q, self.qd, law)
@@ -227,7 +227,7 @@ impl<'a> Strike<'a> {
     ///
     /// # Errors
     /// As [`Strike::derivative`]; [`SimError::Setting`] if the contact point does not approach the plane.
-    pub fn saltation(self, law: &dyn Law<f64, 3>, gravity: impl Into<Vector3<f64>>) -> Result<Saltation, SimError> {
+    pub fn saltation(&self, law: &dyn Law<f64, 3>, gravity: impl Into<Vector3<f64>>) -> Result<Saltation, SimError> {
         let (plane, gravity) = (self.aim()?.plane(), gravity.into());
         let Self { chain, q, qd, .. } = self;
         let moment = Moment { time: 0.0, q: q.to_vec(), qd: qd.to_vec() };

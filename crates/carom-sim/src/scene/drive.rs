@@ -237,6 +237,9 @@ pub(crate) fn positions(key: &str, given: &Target, chain: &Chain, start: &[f64])
         Ok(target)
     };
     match given {
+        Target::Each(values) if values.len() != chain.nq() => {
+            Err(format!("{key} has {} numbers, {} are needed, as of q", values.len(), chain.nq()))
+        }
         Target::Each(values) => Ok(values.clone()),
         Target::Named(values) => with(&mut values.iter().map(|(name, value)| (name, *value))),
         Target::Pose(name) => {
@@ -294,4 +297,31 @@ fn torque_table(path: &Path, chain: &Chain) -> Result<Drive, String> {
 fn reference(path: &Path, chain: &Chain) -> Result<Reference, String> {
     let (times, rows) = Columns::named(path, &names(chain))?.pick(&names(chain), true, "position")?;
     Reference::new(times, &rows).map_err(|e| e.to_string())
+}
+
+/// The targets of a drive that are outside joint limits, beside those at which the joints start.
+pub(crate) fn targets_outside(drive: &Drive, chain: &Chain, start: &[f64]) -> Vec<String> {
+    let at_start = chain.outside_limits(start);
+    let outside = |target: &[f64], own: &dyn Fn(usize) -> bool| {
+        let of_robot = |name: &str| {
+            let at = chain.joint(name).ok().map(|joint| &joint.coordinates);
+            matches!(at, Some(Coordinates::Own { v, .. }) if own(v.start))
+        };
+        let found = chain.outside_limits(target).into_iter();
+        let new = found.filter(|(name, why)| of_robot(name) && !at_start.contains(&(name, why.clone())));
+        new.map(|(_, why)| format!("[run] target: {why}")).collect()
+    };
+    let target = |drive: &Drive, own: &dyn Fn(usize) -> bool| match drive {
+        Drive::Pd(Pd { target, .. }) | Drive::ImpactInvariant(ImpactInvariant { target, .. }) => outside(target, own),
+        _ => Vec::new(),
+    };
+    match drive {
+        Drive::Robots(robots) => {
+            let drives = robots
+                .iter()
+                .flat_map(|it| std::iter::once(&it.drive).chain(&it.after_impact).map(move |own| (it, own)));
+            drives.flat_map(|(it, own)| target(own, &|v| it.v.contains(&v))).collect()
+        }
+        own => target(own, &|_| true),
+    }
 }

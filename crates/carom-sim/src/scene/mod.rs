@@ -29,7 +29,7 @@ use carom_chain::Spatial;
 use carom_chain::input;
 use carom_contact::LeftOut;
 use contact::{apply, between_links, overridden, several, unused};
-use drive::per_joint;
+use drive::{per_joint, targets_outside};
 use file::{File, Method, Model, Shape};
 use force::{closure, wrench};
 use keys::Table;
@@ -159,6 +159,7 @@ impl Scene {
         let touches = Touch::divided(touches);
         warnings.extend(unused(&file.contact, &file.surface, &touches));
         let (drive, after_impact) = robots.drives(folder, control, &surfaces, &qd).map_err(refuse)?;
+        warnings.extend(std::iter::once(&drive).chain(&after_impact).flat_map(|own| targets_outside(own, &chain, &q)));
         let own = file.spring.iter().enumerate().map(|(k, it)| (format!("[[spring]] {}", k + 1), it));
         let springs = own.chain(robots.springs().map(|it| ("[[robot.beam]]".to_owned(), it)));
         let springs = springs.map(|(table, it)| match it.on(&chain) {

@@ -52,7 +52,7 @@ impl Study {
         let urdf = input::read_text(&urdf, input::MOST_MIB).map_err(|e| refuse(format!("[robot] urdf: {e}")))?;
         let read = Reading { file: &file, chain: &chain };
         let (engine, columns, mut warnings) = read.all().map_err(refuse)?;
-        warnings.extend(chain.report().summary(5));
+        warnings.extend(chain.report().summary(5).into_iter().map(|line| format!("{}: {line}", files[0].display())));
         let rows = total(engine.axes())
             .ok_or_else(|| refuse("the map has 2⁶⁴ rows or more: give the axes fewer values".into()))?;
         let wish = file.advise.as_ref().map(|advise| wish(advise, &columns)).transpose().map_err(refuse)?;
