@@ -50,7 +50,7 @@ use std::sync::atomic::Ordering;
     name = "carom",
     version,
     verbatim_doc_comment,
-    term_width = 112,
+    term_width = 100,
     after_help = AFTER_HELP
 )]
 struct Cli {
@@ -61,7 +61,7 @@ struct Cli {
     command: Command,
 }
 
-/// Conventions and the contract of the streams. Lines end by hand before column 100, as those of all help texts, which are indented.
+/// Conventions and the contract of the streams. Lines end by hand before column 100, as those of all help texts.
 const AFTER_HELP: &str = "\
 Units: SI (m, rad, kg, s, N s, J); degrees only in names that end in _deg.
 Normals: unit vectors from the environment to the robot; an approach has u·n < 0.

@@ -143,7 +143,7 @@ macro_rules! plain {
         }
     )* };
 }
-plain! { f64 usize u64 i64 bool String PathBuf BTreeMap<String, f64> }
+plain! { f64 usize u64 i64 bool String PathBuf BTreeMap<String, f64> BTreeMap<String, [f64; 6]> }
 
 impl Pickled for &'static str {
     fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {

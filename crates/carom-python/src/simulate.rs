@@ -8,7 +8,7 @@ use crate::sensitivity::{self, Sensitivity};
 use crate::session::Session;
 use crate::table::Table;
 use crate::threads::{LOOK, interruptible, left_behind};
-use carom_sim::{Sampling, Seen};
+use carom_sim::{Columns, Sampling, Seen};
 use carom_study::{ALL_THE_SAME, SCENE_KEY, ensemble, run_columns};
 use pyo3::exceptions::{PyUserWarning, PyValueError};
 use pyo3::prelude::*;

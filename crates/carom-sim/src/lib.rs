@@ -54,10 +54,10 @@ pub use model::{
 pub use motion::{ContactState, NonUnique, free_motion};
 pub use plan::{Bounded, Decision, Plan};
 pub use run::{
-    Advance, Broken, EnergyBooks, Event, EventKind, EventLoads, EventTime, LinearRun, Sampling, Seen, Segment,
+    Advance, Broken, Columns, EnergyBooks, Event, EventKind, EventLoads, EventTime, LinearRun, Sampling, Seen, Segment,
     Sensitivity, Session, SessionState, Statistics, StepReason, StopReason, Summary, Trajectory,
 };
-pub use scene::{Columns, Distribution, Perturbation, Scene};
+pub use scene::{Distribution, Perturbation, Scene};
 pub use state::{ContactImpulse, Moment, Profile};
 
 // Hidden: what only the command line, the Python package and the studies use.

@@ -134,7 +134,7 @@ fn invalid_parquet_tables_are_refused_with_their_row_or_column() {
     write_parquet(&file, &[("time", &[0.0, 1.0]), ("elbow", &[0.0, f64::NAN]), ("shoulder", &[0.0, 0.0])], plain);
     assert!(said().contains("t.parquet: row 2: every cell must be a finite number"), "{}", said());
     write_parquet(&file, &[("time", &[1.0, 0.0]), ("elbow", &[0.0, 0.0]), ("shoulder", &[0.0, 0.0])], plain);
-    assert!(said().contains("t.parquet: row 2: time 0 is not above"), "{}", said());
+    assert!(said().contains("t.parquet: row 2: time 0 is below"), "{}", said());
     std::fs::write(&file, "time,elbow,shoulder\n0,0,0\n").unwrap();
     assert!(said().contains("t.parquet"), "{}", said());
 }

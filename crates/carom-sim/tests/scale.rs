@@ -165,6 +165,11 @@ fn scaled(path: &Path, by: Factors, folder: &Path) -> Scene {
         let name = format!("{number}.urdf");
         std::fs::write(folder.join(&name), out).unwrap();
         table.insert("urdf".into(), Value::String(name));
+        let links = table.get_mut("inertia").and_then(Value::as_table_mut).into_iter().flatten();
+        for number in links.flat_map(|(_, own)| own.as_array_mut().unwrap()) {
+            let own = number.as_float().or(number.as_integer().map(|whole| whole as f64)).unwrap();
+            *number = Value::Float(own * by.mass * by.length * by.length);
+        }
     };
     match &mut file["robot"] {
         Value::Array(robots) => {

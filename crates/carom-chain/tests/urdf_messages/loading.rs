@@ -13,6 +13,7 @@ const REPAIR: LoadOptions = LoadOptions {
     package_dirs: Vec::new(),
     rotor_inertia: std::collections::BTreeMap::new(),
     mass: std::collections::BTreeMap::new(),
+    inertia: std::collections::BTreeMap::new(),
     srdf: None,
 };
 

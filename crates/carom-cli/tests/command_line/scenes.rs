@@ -263,7 +263,7 @@ fn controllers_without_their_parameters_are_refused() {
             ("controller = \"constant\"\ntorque = [1, 2, 3]", "torque has 3 numbers, 2 are needed (shoulder, elbow)"),
             (
                 "controller = \"pd\"\nkp = 1\nkd = 1\ntarget = [0]",
-                "target has 1 numbers, 2 are needed (shoulder, elbow)",
+                "[run] target has 1 numbers, 2 are needed (shoulder, elbow)",
             ),
             ("kp = 1", "[run] kp is not read by the chosen controller: remove it or set controller = \"pd\""),
             (
@@ -356,7 +356,11 @@ fn invalid_settings_are_refused() {
         "#),
     );
     let inside = SCENE.replace("0.6364, 0, 0", "0.63, 0, 0");
-    desk.refuses(&inside, "at the start tip on surface 1 overlaps by 0.006396 m: choose a start without overlap");
+    desk.refuses(
+        &inside,
+        "at the start tip on surface 1 overlaps by 0.006396 m: choose a start without overlap, or turn a \
+                           normal that points away from the robot",
+    );
     let start = |tip: &str| SCENE.replace("qd = [-0.444444, 0.444444]", &format!("tip_velocity = {{ {tip} }}"));
     desk.refuses(
         &start("speed = 0.2, angle_deg = 45, along = [1, 0, 0]"),

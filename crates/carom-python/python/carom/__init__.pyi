@@ -263,6 +263,8 @@ class Chain:
             rotor_inertia: inertias of motors' rotors reflected to their joints, N² I for the gear ratio N: a dict by joint, kg m² or
                 kg. They replace those of the file.
             mass: masses of links instead of those of the file: a dict by link, kg. Rotational inertias change in proportion.
+            inertia: rotational inertias of links about their centres of mass, along the axes of the link, instead of those of the file: a dict by
+                link of ixx, ixy, ixz, iyy, iyz, izz, kg m².
 
         Raises:
             UrdfError: the file cannot be read or breaks a rule; the message names line, element, value and rule.
@@ -1066,10 +1068,14 @@ class Scene:
         """
     @staticmethod
     def from_toml(text: str, folder: _Path = ".") -> Scene:
-        """Reads a scene from the text of a scene file; file names in it are relative to `folder`. Errors as `from_file`."""
+        """Reads a scene from the text of a scene file; file names in it are relative to `folder`, by default
+        the working folder. Errors as `from_file`.
+        """
     @staticmethod
     def from_dict(keys: Mapping[str, Any], folder: _Path = ".") -> Scene:
-        """Reads a scene from a dict with the keys of a scene file; file names in it are relative to `folder`. Errors as `from_file`."""
+        """Reads a scene from a dict with the keys of a scene file; file names in it are relative to `folder`, by default
+        the working folder. Errors as `from_file`.
+        """
     @property
     def chain(self) -> Chain:
         """The robot."""
@@ -1189,7 +1195,8 @@ class Scene:
             wrt: by what, in the order of the columns. "q" and "qd" are the whole start, "q elbow" a part of it; parameters are "restitution"
                 and "friction" of all contacts together, "kp elbow", "kd elbow", "target elbow" or "torque elbow" of each joint under PD
                 control or constant forces, and any number of the scene by the path of its key, as in `with_keys`: "contact.friction",
-                "run.gravity[2]", "surface[0].restitution". By default all but the keys.
+                "run.gravity[2]", "surface[0].restitution". Rows of tables have numbers: "torque elbow 3", "reference elbow 3". A name stands
+                for all that begin with it: "kp", "torque elbow". By default all but the keys.
 
         Raises:
             ValueError: a name that the scene does not have; a key that is no number, or that changes the start or the duration.

@@ -105,13 +105,13 @@ def run_plot(run, axes):
     names = run.states.columns[1:]
     nq = run.chain.nq
     for own, values, labels in zip(axes, (run.q, run.qd), (names[:nq], names[nq:])):
-        for values, label in zip(values.T, labels):
-            own.plot(run.time, values, label=label)
+        for curve, label in zip(values.T, labels):
+            own.plot(run.time, curve, label=label)
         for event in run.events:
             if event.kind in ("impact", "several"):
                 own.axvline(event.time, color="grey", lw=0.5, zorder=0)
         # Beside the axes, in as many columns as its height asks for.
-        own.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1, 1), ncols=-(-len(labels) // LINES))
+        own.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1, 1), ncols=-(-values.shape[1] // LINES))
     axes[0].set_ylabel("q: rad, m")
     axes[1].set(xlabel="time, s", ylabel="qd: rad/s, m/s")
     return axes

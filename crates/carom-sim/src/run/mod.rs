@@ -19,6 +19,7 @@ macro_rules! in_its_space {
 
 mod branch;
 mod changed;
+mod columns;
 mod crossing;
 mod event_derivative;
 mod events;
@@ -45,6 +46,7 @@ mod stream;
 mod trajectory;
 mod variation;
 
+pub use columns::Columns;
 pub use follow::Broken;
 pub use linear_run::{EventTime, LinearRun};
 pub use named::{AtContact, NamedEvent, UnderLaw};

@@ -112,7 +112,15 @@ impl Drives<'_> {
 
     fn target(&self) -> Result<Vec<f64>, String> {
         let target = self.given("target: {} keeps the positions at the start", &self.control.target)?;
-        positions("target", target, self.chain, self.q).map_err(|why| format!("{} {why}", self.table))
+        let refuse = |why: String| format!("{} {why}", self.table);
+        let target = positions("target", target, self.chain, self.q).map_err(refuse)?;
+        if self.chain.nq() == self.chain.nv() {
+            self.chain.check_v("target", &target).map_err(|e| refuse(e.to_string()))?;
+        } else if target.len() != self.chain.nq() {
+            let (given, needed) = (target.len(), self.chain.nq());
+            return Err(refuse(format!("target has {given} numbers, {needed} are needed, as of q")));
+        }
+        Ok(target)
     }
 
     fn tip<'t>(&self, link: Option<&'t str>) -> Result<&'t str, String> {
@@ -237,9 +245,6 @@ pub(crate) fn positions(key: &str, given: &Target, chain: &Chain, start: &[f64])
         Ok(target)
     };
     match given {
-        Target::Each(values) if values.len() != chain.nq() => {
-            Err(format!("{key} has {} numbers, {} are needed, as of q", values.len(), chain.nq()))
-        }
         Target::Each(values) => Ok(values.clone()),
         Target::Named(values) => with(&mut values.iter().map(|(name, value)| (name, *value))),
         Target::Pose(name) => {

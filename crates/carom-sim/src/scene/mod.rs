@@ -1,6 +1,7 @@
 //! Scenes: reads robots, the surfaces around them, contact laws and run settings from a TOML file. The book
 //! documents the keys: `book/src/reference-scene.md`.
 
+mod by_key;
 mod contact;
 mod drive;
 mod file;
@@ -14,12 +15,10 @@ mod robots;
 mod surface;
 mod table;
 mod toml;
-mod wanted;
 
 pub use perturb::{Distribution, Perturbation};
 #[doc(hidden)]
 pub use toml::from_toml;
-pub use wanted::Columns;
 
 use crate::contact::{ContactRule, Surface, Touch, Touches};
 use crate::error::SimError;

@@ -76,7 +76,9 @@ fn studies_repair_robots_refuse_those_without_dynamics_and_can_be_strict() {
         "repaired: joint 'k' is fixed at 0: link 'tip' has no mass and is welded to link 'b'",
         "<link x> (line 1) is not used: it is unknown",
     ];
-    assert_eq!((repaired.rows(), &repaired.warnings[..]), (2, &warnings.map(String::from)[..]));
+    let urdf = folder.path().join("r.urdf");
+    let warnings = warnings.map(|warning| format!("{}: {warning}", urdf.display()));
+    assert_eq!((repaired.rows(), &repaired.warnings[..]), (2, &warnings[..]));
     let error = study("repair = true\nstrict = true").err().unwrap().to_string();
     assert!(error.contains("r.urdf:1: <link x>: is not used: it is unknown: correct it"), "{error}");
 }
