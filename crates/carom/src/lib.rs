@@ -5,7 +5,7 @@
 //! ```
 //! use carom::prelude::*;
 //!
-//! let arm = carom::uniform_chain(2, 0.5, 2.0)?;
+//! let arm = uniform_chain(2, 0.5, 2.0)?;
 //! let tip = arm.frame("tip")?;
 //! let law = Energetic { restitution: 0.35, friction: 0.2 };
 //! let hit = arm.impact(&[0.8, -1.6], &[-0.2, 0.6]).at(tip).normal([-1.0, 0.0, 0.0]).resolve(&law)?;
