@@ -48,7 +48,8 @@ impl Scene {
         let (scale, same) = with_number(self, path, 0.0)?;
         let (_, beside) = with_number(self, path, CHANGE * scale)?;
         if (&same.q, &same.qd, same.duration) != (&beside.q, &beside.qd, beside.duration) {
-            let why = "it changes the start or the duration: take the start by \"q\", \"qd\" or a part of it, and the end by the final state";
+            let why = "it changes the start or the duration: take the start by \"q\", \"qd\" or a part of it (a tip_velocity \
+                       depends on the masses: give qd instead), and the end by the final state";
             return Err(of_key(path, why));
         }
         let (scene, key) = (self.clone(), path.to_owned());
