@@ -300,3 +300,17 @@ fn motions_beyond_the_digits_of_numbers_are_refused_with_the_reason() {
     let long = scene("1", "tolerance = 1e-300");
     assert!(long.contains("tolerance is 1e-300: no integration reaches it"), "{long}");
 }
+
+/// A target of a controller outside joint limits is a warning, as a start there is, unless the joint starts there.
+#[test]
+fn a_target_outside_joint_limits_is_a_warning() {
+    let pd = |target: &str| format!("controller = \"pd\"\nkp = 1\nkd = 1\ntarget = {target}");
+    let warnings = |target: &str| {
+        carom_testing::scenes::changed("planar2", &[("controller = \"off\"", pd(target).as_str())]).warnings
+    };
+    assert_eq!(warnings("{ elbow = 1 }"), Vec::<String>::new());
+    let told = warnings("{ elbow = 90 }");
+    let [only] = told.as_slice() else { panic!("{told:?}") };
+    assert!(only.starts_with("[run] target: joint 'elbow' is at 90 rad, above its limit"), "{only}");
+    assert!(only.ends_with(" (angles of joints are in rad)"), "{only}");
+}

@@ -1,6 +1,5 @@
-//! carom computes what an impact does to every joint of a robot: qd⁺ = qd⁻ + M⁻¹ Jᵀ p. Its input is a URDF file, a configuration, a velocity
-//! and a contact surface; its output is the joint velocity after the impact, the impulse, the contact mode and the energy balance, under
-//! any of eight impact laws.
+//! carom computes the impacts of robots: the joint velocities qd⁺ = qd⁻ + M⁻¹ Jᵀ p, the impulse p, the contact mode and the energy balance,
+//! from a URDF file, a configuration, a velocity and a contact surface, under any of eight impact laws.
 //!
 //! ```
 //! use carom::prelude::*;

@@ -53,7 +53,15 @@ fn edit_distance(a: &str, b: &str) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::{edit_distance, listed};
+    use super::{edit_distance, listed, suggestion};
+
+    #[test]
+    fn a_name_without_the_prefix_of_the_robot_is_recognised() {
+        let names = ["base", "arm_hand_left", "arm_hand_right", "arm_tool"];
+        assert_eq!(suggestion("tool", &names), "did you mean 'arm_tool'?");
+        assert_eq!(suggestion("hand", &names), "did you mean one of 'arm_hand_left' and 'arm_hand_right'?");
+        assert_eq!(suggestion("wheel", &names), format!("there are {}", listed(&names)));
+    }
 
     #[test]
     fn edit_distance_is_levenshteins() {

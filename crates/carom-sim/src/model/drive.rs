@@ -276,7 +276,7 @@ pub struct RobotDrive {
 
 impl RobotDrive {
     /// Both drives.
-    pub(super) fn drives(&self) -> impl Iterator<Item = &Drive> {
+    pub(crate) fn drives(&self) -> impl Iterator<Item = &Drive> {
         std::iter::once(&self.drive).chain(&self.after_impact)
     }
 

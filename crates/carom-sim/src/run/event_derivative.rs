@@ -5,7 +5,7 @@
 //! | S⁻, S⁺ | n×k | derivatives before and after an event | – |
 //! | w | 1 | the guard that fired | – |
 //! | τ′ | k | derivatives of the time of the event | `time_by` |
-//! | E | – | what an event does: (t, x) before it to (t, x) after it | `crossing.rs` |
+//! | E | – | the event as a map from (t, x) before it to (t, x) after it | `crossing.rs` |
 //! | Ξ | n⁺×n | saltation matrix: S⁺ = Ξ S⁻ + the columns of the parameters | [`LinearEvent`] |
 //!
 //! An event at w(t, x) = 0 has τ′ = −(∂w S⁻ + ∂ₚw)/ẇ. For a change of the j-th quantity by δ the event takes place at t + τ′ⱼδ in the state

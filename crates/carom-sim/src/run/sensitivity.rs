@@ -1,4 +1,4 @@
-//! Derivatives of a whole run by its initial state and by parameters: the doors and their results.
+//! Derivatives of a whole run by its initial state and by parameters: the public functions and their results.
 //!
 //! A run is a product of linear maps, of its motions and of its events (`follow.rs`): [`LinearRun`] applies them to changes of
 //! the start and the parameters, or their transposes, last one first, to the derivatives of a number by the outcome (the adjoint method).

@@ -322,9 +322,7 @@ pub(crate) fn targets_outside(drive: &Drive, chain: &Chain, start: &[f64]) -> Ve
     };
     match drive {
         Drive::Robots(robots) => {
-            let drives = robots
-                .iter()
-                .flat_map(|it| std::iter::once(&it.drive).chain(&it.after_impact).map(move |own| (it, own)));
+            let drives = robots.iter().flat_map(|it| it.drives().map(move |own| (it, own)));
             drives.flat_map(|(it, own)| target(own, &|v| it.v.contains(&v))).collect()
         }
         own => target(own, &|_| true),

@@ -158,7 +158,6 @@ impl Scene {
         let touches = Touch::divided(touches);
         warnings.extend(unused(&file.contact, &file.surface, &touches));
         let (drive, after_impact) = robots.drives(folder, control, &surfaces, &qd).map_err(refuse)?;
-        warnings.extend(std::iter::once(&drive).chain(&after_impact).flat_map(|own| targets_outside(own, &chain, &q)));
         let own = file.spring.iter().enumerate().map(|(k, it)| (format!("[[spring]] {}", k + 1), it));
         let springs = own.chain(robots.springs().map(|it| ("[[robot.beam]]".to_owned(), it)));
         let springs = springs.map(|(table, it)| match it.on(&chain) {
@@ -211,6 +210,7 @@ impl Scene {
             ..Simulation::new(chain, touches)
         };
         warnings.extend(robots.falling(&simulation));
+        warnings.extend(simulation.drives().flat_map(|drive| targets_outside(drive, &simulation.chain, &q)));
         let (start, change) = simulation.close_loops(&q, &qd).map_err(|e| refuse(e.to_string()))?;
         if change > EQUAL {
             let new = format!("q = {:?}, qd = {:?}", start.q, start.qd);
