@@ -7,7 +7,8 @@ use nalgebra::{DMatrix, DVector};
 /// below `rank` times the largest count as zero. NaN if A contains one.
 ///
 /// nalgebra's SVD is not used: in version 0.35 its result is wrong by up to a third for some matrices with a double
-/// singular value, such as the Delassus matrix at a cube's corner.
+/// singular value, such as the Delassus matrix at a cube's corner, and by all of it for some of dependent rows or columns
+/// (<https://github.com/dimforge/nalgebra/issues/1172>).
 pub fn least_norm(a: &DMatrix<f64>, b: &DVector<f64>, rank: f64) -> DVector<f64> {
     let factors = a.clone().col_piv_qr();
     let upper = factors.r();

@@ -1,10 +1,12 @@
 //! Derivatives of whole runs: against closed forms, and against differences of runs.
 
 use carom_impact::{Damping, Newton};
-use carom_sim::{Compliance, ContactRule, Parameter, Scene, Sensitivity, Simulation, Touch, Yielding};
+use carom_sim::{
+    Compliance, ContactRule, Loop, LoopFrame, LoopJoint, Parameter, Scene, Sensitivity, Simulation, Touch, Yielding,
+};
 use carom_testing::build::{self, Part, X, Y, Z, along, chain, falling_ball};
-use carom_testing::scenes::{changed, newton, on_floor};
-use nalgebra::{DMatrix, DVector, Vector3};
+use carom_testing::scenes::{DOWN, changed, newton, on_floor};
+use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
 
 /// The final state as displacement from `last` and velocity.
 fn end(sim: &Simulation, last: &[f64], q: &[f64], qd: &[f64], duration: f64) -> DVector<f64> {
@@ -109,6 +111,40 @@ fn sensitivities_of_a_four_bar_that_strikes_a_stop_equal_differences_of_runs() {
     let found = check("four_bar", &changed("four_bar", &[]), 0.41, None, 1e-6);
     let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
     assert_eq!(kinds, ["impact"; 3]);
+}
+
+/// Six links on parallel hinges, turned in space, hang between two places: the second one holds by three rows of rank two, whose forces are
+/// the shortest of many.
+#[test]
+fn sensitivities_of_a_hanging_chain_in_space_equal_differences_of_runs() {
+    let (names, length) = (["a", "b", "c", "d", "e", "f"], 0.2);
+    let mut parent = "base";
+    let parts = names.map(|name| {
+        let (of, place) = (parent, if parent == "base" { 0.0 } else { length });
+        parent = name;
+        Part::hinge(name, of, Y).at([place, 0.0, 0.0]).com([length / 2.0, 0.0, 0.0])
+    });
+    let (q, qd) = ([0.3, 0.5, 0.7, 0.9, 1.1, 1.3], [0.0; 6]);
+    let mut angle = 0.0;
+    let links = q.map(|turn| {
+        angle += turn;
+        Vector3::new(f64::cos(angle), 0.0, -f64::sin(angle)) * length
+    });
+    for rpy in [[1.41, -1.67, 0.16], [-1.23, -1.8, -0.21]] {
+        let [r, p, y] = rpy;
+        let tip = Rotation3::from_euler_angles(r, p, y) * links.iter().sum::<Vector3<f64>>();
+        let mut parts = parts.clone();
+        parts[0].rpy = rpy;
+        let frames = [LoopFrame::new(Some("f"), [length, 0.0, 0.0], [0.0; 3]), LoopFrame::new(None, tip, [0.0; 3])];
+        let held = Loop { name: "held".into(), joint: LoopJoint::Point, frames };
+        let free = Simulation::new(chain(&parts), Vec::new());
+        let sim = Simulation { loops: vec![held], planar: false, gravity: DOWN, tolerance: 1e-10, ..free };
+        let own = sim.sensitivity(&q, &qd, 0.5, &[]).unwrap().last_by.unwrap();
+        let columns: Vec<usize> = (0..12).collect();
+        let other = differences(&sim, (&q, &qd), 0.5, &[], (&columns, 1e-5));
+        let (apart, size) = ((&own - &other).amax(), other.amax());
+        assert!(apart < 1e-6 * size, "apart by {apart:e} of {size:e}");
+    }
 }
 
 /// A PD-controlled arm strikes a wall that is in front of its target, bounces, slides, and stays pressed on it.

@@ -10,6 +10,7 @@ use super::smooth::Motion;
 use crate::error::SimError;
 use crate::state::{ContactImpulse, EXACT, ROUNDING, Space, View};
 use carom_chain::Rows;
+use carom_impact::least_norm;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 impl<A: Space> Motion<'_, A> {
@@ -231,9 +232,8 @@ impl<A: Space> Motion<'_, A> {
         if rows.is_empty() || k.iter().any(|entry| !entry.is_finite()) {
             return Ok(());
         }
-        let least = EXACT * k.amax();
         // Constraints may depend on each other: the solution of least squares.
-        let found = k.svd(true, true).solve(&DVector::from_vec(errors), least).unwrap_or_default();
+        let found = least_norm(&k, &DVector::from_vec(errors), EXACT);
         for (impulse, response) in found.iter().zip(impulses) {
             y[nq..nq + nv].iter_mut().zip(response).for_each(|(v, x)| *v -= impulse * x);
         }

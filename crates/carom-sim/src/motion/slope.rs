@@ -28,6 +28,7 @@ use crate::error::SimError;
 use crate::model::{Motor, Number};
 use crate::state::{EXACT, Loops, Space};
 use carom_chain::Rows;
+use carom_impact::least_norm;
 use nalgebra::{DMatrix, DVector};
 
 /// The motion at a state, about which it is linearised.
@@ -76,8 +77,7 @@ impl<A: Space> Motion<'_, A> {
             }
             // Of loops that are closed more often than needed one of the distributions.
             let rows = DMatrix::from_fn(qd.len(), loops.rows.len(), |i, j| loops.rows.row(j)[i]);
-            let least = EXACT * rows.amax();
-            mu = rows.svd(true, true).solve(&left, least).unwrap_or_default();
+            mu = least_norm(&rows, &left, EXACT);
         }
         let inertial = view.inverse_dynamics_derivatives(qd, &qdd, gravity)?;
         let limited = self.limited_motors(time, y)?;

@@ -19,6 +19,7 @@ use super::rows::{Constraints, push};
 use super::smooth::Motion;
 use crate::error::SimError;
 use crate::state::{EQUAL, ROUNDING, STEPS, Space};
+use carom_impact::least_norm;
 use nalgebra::{DMatrix, DVector, Vector2};
 
 fn across(d: Vector2<f64>) -> Vector2<f64> {
@@ -66,13 +67,10 @@ impl<A: Space> Motion<'_, A> {
                 slope[(j, j)] -= slips[j].dot(&starts[j].along);
             }
             // Several contacts may have the same slip: two wheels on one axle.
-            let least = EQUAL * slope.amax();
-            if slope.iter().any(|entry| !entry.is_finite()) {
+            let turn = least_norm(&slope, &left, EQUAL);
+            if turn.iter().any(|angle| !angle.is_finite()) {
                 return Err(no_direction());
             }
-            let Ok(turn) = slope.svd(true, true).solve(&left, least) else {
-                return Err(no_direction());
-            };
             for (start, turn) in found.constraints.starts.iter_mut().zip(turn.iter()) {
                 // Far from the solution the step may be of any size.
                 let angle = -turn.clamp(-0.5, 0.5);

@@ -253,18 +253,21 @@ impl<A: Space> Follow<'_, '_, A> {
     }
 }
 
-/// The directions of the columns of S, of which none counts as longer than one, by their singular values, the largest of size one; and the
-/// matrix of the coordinates of x along them.
+/// The directions of the columns of S, of which none counts as longer than one, by QR with column pivoting: orthogonal, each as long as
+/// what the columns have beside those before it, the first of size one; and the matrix of the coordinates of x along them. Not by nalgebra's
+/// SVD, which loses directions of dependent columns: see [`least_norm`](carom_impact::least_norm).
 fn directions(mut s: DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
     s.column_iter_mut().for_each(|mut column| column /= column.amax().max(1.0));
-    let svd = s.svd(true, false);
-    let sizes = &svd.singular_values;
-    let u = svd.u.unwrap_or_default();
-    let most = sizes.max();
-    let kept: Vec<usize> = (0..sizes.len()).filter(|&i| sizes[i] > EXACT * most).collect();
-    let share = |i: usize| sizes[i] / most;
-    let basis = DMatrix::from_fn(u.nrows(), kept.len(), |r, i| u[(r, kept[i])] * share(kept[i]));
-    let coordinates = DMatrix::from_fn(kept.len(), u.nrows(), |i, r| u[(r, kept[i])] / share(kept[i]));
+    let factors = s.col_piv_qr();
+    let (mut basis, upper) = (factors.q(), factors.r());
+    let share = |i: usize| (upper[(i, i)] / upper[(0, 0)]).abs();
+    let rank = (0..basis.ncols()).take_while(|&i| share(i) > EXACT).count();
+    basis.resize_horizontally_mut(rank, 0.0);
+    let mut coordinates = basis.transpose();
+    for i in 0..rank {
+        basis.column_mut(i).scale_mut(share(i));
+        coordinates.row_mut(i).unscale_mut(share(i));
+    }
     (basis, coordinates)
 }
 
@@ -286,4 +289,29 @@ fn struck(
     let mut out = along;
     out.rows_mut(nq, nv).copy_from(&jumped);
     out - &after.f * time_by
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Columns that lead in fewer directions than they are, equally far or not: they have coordinates along all of these directions.
+    #[test]
+    fn directions_of_dependent_columns_contain_the_columns() {
+        let rng = &mut fastrand::Rng::with_seed(1);
+        let mut random = |rows, columns| DMatrix::from_fn(rows, columns, |_, _| rng.f64() - 0.5);
+        for k in 0..4000 {
+            let (n, columns) = ([3, 6, 14][k % 3], [3, 6, 15][k / 3 % 3]);
+            let rank = 1 + k % (n.min(columns) - 1);
+            let (mut along, mut shares) = (random(n, rank), random(columns, rank));
+            if k % 2 == 0 {
+                (along, shares) = (along.qr().q(), shares.qr().q());
+            }
+            let s = along * shares.transpose();
+            let (basis, coordinates) = directions(s.clone());
+            assert_eq!(basis.ncols(), rank, "{k}");
+            let left = &basis * (&coordinates * &s) - &s;
+            assert!(left.amax() < 1e-13, "{k}: {left}");
+        }
+    }
 }
