@@ -2,7 +2,8 @@
 
 use carom_impact::{Damping, Newton};
 use carom_sim::{
-    Compliance, ContactRule, Loop, LoopFrame, LoopJoint, Parameter, Scene, Sensitivity, Simulation, Touch, Yielding,
+    Compliance, ContactRule, Drive, Loop, LoopFrame, LoopJoint, Parameter, Scene, Sensitivity, Simulation, TorqueTable,
+    Touch, Yielding,
 };
 use carom_testing::build::{self, Part, X, Y, Z, along, chain, falling_ball};
 use carom_testing::scenes::{DOWN, changed, newton, on_floor};
@@ -232,6 +233,33 @@ fn sensitivities_of_slip_that_turns_back_equal_differences_of_runs() {
         let other = differences(&sim, (&[0.0, 0.0, 0.1], &start), duration, &parameters, (&columns, 1e-5));
         assert!((&own - &other).amax() < 1e-6 * other.amax(), "{own} against {other}");
     }
+}
+
+/// A wheel rolls at 30 m/s, and is driven more and more until it slips. While the slip is slow its direction changes within a turn of the
+/// heading by slip/(30 m/s). A turn of the start, heading and velocity together, is one of the whole motion.
+#[test]
+fn a_wheel_that_begins_to_slip_turns_with_its_start() {
+    let (radius, speed) = (0.1, 30.0);
+    let part = |name: &str, parent: &str, axis| Part::slider(name, parent, axis).weighing(0.2, [1e-3; 3]);
+    let parts = [
+        Part::slider("along", "base", X).massless(),
+        part("across", "along", Y),
+        part("up", "across", Z),
+        Part::hinge("heading", "up", Z).weighing(0.2, [1e-3; 3]),
+        Part::hinge("wheel", "heading", Y).weighing(1.0, [4e-3; 3]).shaped(&build::ball(radius)),
+    ];
+    let forces = vec![vec![0.0; 5], vec![0.0, 0.0, 0.0, 0.0, 2.0]];
+    let drive = Drive::Table(TorqueTable { times: vec![0.0, 0.2], forces });
+    let sim = Simulation { tolerance: 1e-11, drive, ..on_floor(chain(&parts), newton(0.0, 0.5)) };
+    let (q, qd) = ([0.0, 0.0, radius, 0.0, 0.0], [speed, 0.0, 0.0, 0.0, speed / radius]);
+    let found = sim.sensitivity(&q, &qd, 0.2, &[]).unwrap();
+    let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
+    assert_eq!(kinds, ["sliding"]);
+    let by = found.last_by.unwrap();
+    let own = by.column(3) + by.column(6) * speed;
+    let (q, qd) = (&found.last.q, &found.last.qd);
+    let turned = DVector::from_vec(vec![-q[1], q[0], 0.0, 1.0, 0.0, -qd[1], qd[0], 0.0, 0.0, 0.0]);
+    assert!((&own - &turned).amax() < 1e-6 * turned.amax(), "{own} against {turned}");
 }
 
 /// Two equal balls on a line exchange their velocities: the final velocity of each is the initial one of the other.

@@ -161,28 +161,32 @@ impl<A: Space> Motion<'_, A> {
         })
     }
 
-    /// The slowest slip of the contacts that slide with friction and whose direction follows from it, m/s; infinite if there are
-    /// none.
-    pub fn slowest_slip(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
-        let (sim, mut slowest) = (self.sim, f64::INFINITY);
+    /// The slips of the contacts that slide with friction and whose direction follows from it, m/s, world.
+    fn sliding(&mut self, time: f64, y: &[f64]) -> Result<Vec<Vector3<f64>>, SimError> {
+        let (sim, mut found) = (self.sim, Vec::new());
         self.slips((time, y), |own, n, u| {
             if matches!(own.hold, Hold::Slides { .. }) && sim.touches[own.touch].contact.law.friction() > 0.0 {
-                slowest = slowest.min((u - n * n.dot(&u)).norm());
+                found.push(u - n * n.dot(&u));
             }
         })?;
-        Ok(slowest)
+        Ok(found)
     }
 
-    /// How far the state is from a kink of the contact forces: the least of the [slowest slip](Self::slowest_slip), m/s, and the depths of
-    /// compliant contacts, m; infinite without both.
-    pub fn nearest_kink(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
-        let mut nearest = self.slowest_slip(time, y)?;
+    /// The slowest of these slips, m/s; infinite if there are none.
+    pub fn slowest_slip(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
+        Ok(self.sliding(time, y)?.iter().map(Vector3::norm).fold(f64::INFINITY, f64::min))
+    }
+
+    /// What is zero at the kinks of the contact forces: the [slips](Self::sliding), m/s, and as first components the depths of compliant
+    /// contacts, m.
+    pub fn kinks(&mut self, time: f64, y: &[f64]) -> Result<Vec<Vector3<f64>>, SimError> {
+        let mut found = self.sliding(time, y)?;
         for k in 0..self.active.lasting.len() {
             if matches!(self.active.lasting[k].hold, Hold::Presses { .. }) {
-                nearest = nearest.min(-self.gap(self.active.lasting[k].touch, time, y)?.0);
+                found.push(Vector3::x() * self.gap(self.active.lasting[k].touch, time, y)?.0);
             }
         }
-        Ok(nearest)
+        Ok(found)
     }
 
     /// The direction of slip that has begun, where it is fast enough, follows from it from now on. Contacts that begin to slide at

@@ -126,13 +126,14 @@ impl<A: Space> Run<'_, '_, A> {
         if self.slips() {
             self.motion.follow_slip(time, &y)?;
         }
-        let nearest = self.motion.nearest_kink(time, &y)?;
+        let kinks = self.motion.kinks(time, &y)?;
         let mut push = DMatrix::zeros(x.len(), changed.len());
         let mut slope = DMatrix::zeros(x.len(), tangent.ncols());
         if self.motion.is_linear() {
-            self.linear_slopes((time, x), (&y, &tangent, nearest), changed, (&mut slope, &mut push))?;
+            self.linear_slopes((time, x), (&y, &tangent, &kinks), changed, (&mut slope, &mut push))?;
         } else {
             for (j, direction) in tangent.column_iter().enumerate() {
+                let nearest = self.nearest_kink((time, x), direction, &kinks)?;
                 slope.set_column(j, &self.difference(x, direction, nearest, |run, x| run.field(time, x))?);
             }
             for (p, changed) in changed.iter_mut().enumerate() {
@@ -150,7 +151,7 @@ impl<A: Space> Run<'_, '_, A> {
     fn linear_slopes(
         &mut self,
         (time, x): (f64, &[f64]),
-        (y, tangent, nearest): (&[f64], &DMatrix<f64>, f64),
+        (y, tangent, kinks): (&[f64], &DMatrix<f64>, &[Vector3<f64>]),
         changed: &mut [&mut Changed<A>],
         (slope, push): (&mut DMatrix<f64>, &mut DMatrix<f64>),
     ) -> Result<(), SimError> {
@@ -167,6 +168,7 @@ impl<A: Space> Run<'_, '_, A> {
                 }
                 change
             } else {
+                let nearest = self.nearest_kink((time, x), direction, kinks)?;
                 self.difference(x, direction, nearest, |run, x| {
                     let y = run.y_of(x);
                     run.motion.balance(time, &y, &at)
@@ -235,9 +237,25 @@ impl<A: Space> Run<'_, '_, A> {
         Ok(change)
     }
 
-    /// The derivative of a function of x along a direction, by a central difference of fourth order. `nearest`: see
-    /// [`Motion::nearest_kink`](crate::motion::Motion::nearest_kink); near it the forces are strongly curved, and it must not be within the
-    /// difference.
+    /// How many times this direction leads from x to the nearest kink of the contact forces: see [`Motion::kinks`](crate::motion::Motion::kinks).
+    fn nearest_kink(
+        &mut self,
+        (time, x): (f64, &[f64]),
+        direction: DVectorView<f64>,
+        kinks: &[Vector3<f64>],
+    ) -> Result<f64, SimError> {
+        if kinks.is_empty() {
+            return Ok(f64::INFINITY);
+        }
+        let beside: Vec<f64> = x.iter().zip(direction.iter()).map(|(x, d)| x + DIFFERENCE * d).collect();
+        let y = self.y_of(&beside);
+        let there = self.motion.kinks(time, &y)?;
+        let times = kinks.iter().zip(there).map(|(here, there)| DIFFERENCE * here.norm() / (there - here).norm());
+        Ok(times.fold(f64::INFINITY, f64::min))
+    }
+
+    /// The derivative of a function of x along a direction, by a central difference of fourth order. Near a kink, so many times the direction
+    /// away, the forces are strongly curved, and it must not be within the difference.
     pub fn difference(
         &mut self,
         x: &[f64],
