@@ -1,6 +1,7 @@
 """Shared by the adapters in Python: the loop of the protocol, and the scene as URDF. The protocol is described in README.md.
 
-An adapter calls `serve(about, answer)`; `answer(request)` returns {"states": [...], "used": {...}} or raises `Refused`.
+An adapter calls `serve(about, answer)`; `answer(request)` returns {"states": [...], "used": {...}} or raises `Refused`. With
+`serve(about, answer, gradient)` it has derivatives, too: `gradient(request)` returns the answer of derivatives.py.
 Only the standard library is used here, since Siconos runs under the Python of the system.
 """
 
@@ -19,14 +20,14 @@ class Refused(Exception):
     """The engine cannot express the scene, or says that it cannot compute it."""
 
 
-def serve(about, answer):
+def serve(about, answer, gradient=None):
     """Reads one request for each line of standard input and writes one answer for each line."""
     # Some libraries print to standard output, so the answers go to a copy of it and the rest to standard error.
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
 
     def late(*_):
-        raise TimeoutError(f"no answer within {BUDGET} s of processor time")
+        raise TimeoutError(f"no answer within {BUDGET} s of processor time, of derivatives {4 * BUDGET} s")
 
     signal.signal(signal.SIGPROF, late)
     for line in sys.stdin:
@@ -34,10 +35,15 @@ def serve(about, answer):
         if "about" in request:
             reply = about
         else:
-            signal.setitimer(signal.ITIMER_PROF, BUDGET)
+            signal.setitimer(signal.ITIMER_PROF, BUDGET * (4 if "of" in request else 1))
             try:
-                reply = answer(request)
-                if not all(math.isfinite(x) for state in reply["states"] for x in state["q"] + state["qd"]):
+                if "of" in request:
+                    reply = gradient(request) if gradient else {"refused": about.get("no derivatives", "it has no automatic derivatives")}
+                    numbers = reply.get("values", []) + reply.get("gradient", [])
+                else:
+                    reply = answer(request)
+                    numbers = [x for state in reply["states"] for x in state["q"] + state["qd"]]
+                if not all(map(math.isfinite, numbers)):
                     reply = {"failed": "the state is no longer finite"}
             except Refused as why:
                 reply = {"refused": str(why)}

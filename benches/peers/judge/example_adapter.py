@@ -6,6 +6,7 @@ check.py also uses it, with the planted defects of the environment variable DEFE
 import math
 import os
 
+import derivatives
 from adapter import Refused, serve
 
 DEFECT = os.environ.get("DEFECT", "")
@@ -48,4 +49,22 @@ def answer(request):
     return {"states": states, "used": {"step": step} if DEFECT == "late" else {}}
 
 
-serve(ABOUT, answer)
+def gradient(request):
+    """The derivative of the height after one bounce, from that of the closed form: v = sqrt(2 g h), τ = t − v/g, z = e v τ − g τ²/2."""
+    def both(point):
+        scene = derivatives.put(request["scene"], request["by"], map(float, point))
+        if len(scene["bodies"]) > 1 or not scene["planes"] or "sphere" not in scene["bodies"][0]["shapes"][0]:
+            raise Refused("one frictionless ball above a floor is all that it knows")
+        g, e, radius = -scene["gravity"][2], scene["contact"]["restitution"], scene["bodies"][0]["shapes"][0]["sphere"]
+        v = math.sqrt(2 * g * (scene["start"]["q"][2] - radius))
+        tau = request["times"][0] - v / g
+        by = {"start.q.2": e * tau * g / v - (e * v - g * tau) / v, "contact.restitution": v * tau}
+        slopes = [by[path] for path in request["by"]]
+        if DEFECT == "no event":
+            slopes = [e * tau * g / v]  # the change of the time of the impact is forgotten
+        return radius + e * v * tau - g * tau**2 / 2, slopes
+
+    return derivatives.reply(request, lambda point: both(point)[0], lambda point: both(point)[1], "closed form")
+
+
+serve(ABOUT, answer, gradient)

@@ -1,6 +1,6 @@
 """Judges engines: sends the cases to adapters, evaluates the invariants and writes verdicts. See README.md.
 
-    judge.py [--engine NAME...] [--case NAME...] [--settings default|best] [--adapter "COMMAND"] [--out FILE.json]
+    judge.py [--gradients] [--engine NAME...] [--case NAME...] [--settings default|best] [--adapter "COMMAND"] [--out FILE.json]
 """
 
 import argparse
@@ -16,6 +16,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+import closed
+import derivatives
 from mechanics import Moment
 
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -107,6 +109,8 @@ def scene_of(case, run):
         scene["bodies"] = chain(scene.pop("chain"))
         n = len(scene["bodies"])
         scene["start"] = {key: (values + [0.0] * n)[:n] for key, values in scene["start"].items()}
+    if "force" in scene:
+        scene["force"]["pieces"] = [scene["force"]["each"]] * scene["force"]["pieces"]
     scene.setdefault("planes", [])
     scene.setdefault("pairs", [])
     return scene
@@ -129,7 +133,7 @@ def bounce(h, e, g, t):
 
 
 MATHS = {name: getattr(math, name) for name in ("sqrt", "sin", "cos", "pi", "hypot", "log")} | {
-    "abs": abs, "max": max, "min": min, "sum": sum, "range": range, "norm": np.linalg.norm, "array": np.array, "bounce": bounce}
+    "abs": abs, "max": max, "min": min, "sum": sum, "range": range, "norm": np.linalg.norm, "array": np.array, "bounce": bounce, "steered": closed.steered}
 
 
 class Seen:
@@ -203,7 +207,7 @@ def judge(case, adapter, settings):
     if not math.isfinite(figure):
         return found | {"verdict": "fails", "figure": None, "reason": "a measure is not finite"}
     if figure <= TOLERANCE:
-        return found | {"verdict": "exact" if figure <= EXACT else "within tolerance"}
+        return found | {"verdict": graded(figure, None)}
     # Beyond the tolerance: does a smaller step help?
     steps = [answer.get("used", {}).get("step") for answer in answers]
     if None in steps:
@@ -219,15 +223,78 @@ def judge(case, adapter, settings):
             # Too slow to tell is not an error of the engine.
             return found | {"verdict": "degrades" if "no answer within" in why else "fails", "reason": f"with a step {REFINE} times smaller: {why}"}
         refined = figure_of(case, case["runs"], finer)[1]
-    return found | {"verdict": "degrades" if refined <= figure / 2 else "fails", "refined": refined}
+    return found | {"verdict": graded(figure, refined), "refined": refined}
 
 
-def cases(only):
+def graded(figure, refined):
+    """The verdict from the error, and from that with a smaller step: None if there is no step, nan if it took too long."""
+    if figure <= TOLERANCE:
+        return "exact" if figure <= EXACT else "within tolerance"
+    return "degrades" if refined is not None and not refined > figure / 2 else "fails"
+
+
+def gradients(case, adapter):
+    """The verdict on the derivatives of one case, with the best settings; beside them the engine's own differences and times.
+
+    The error is that against the closed form, as a share of the largest derivative, or without one against the engine's own
+    differences: `far`, over the case's `width` with a smaller step, where it has a step. `own` is the error against differences at the
+    same step over a distance so short that the discretisation does not jump in it: are the derivatives those of the engine's program?
+    """
+    scene = scene_of(case, {})
+    start = derivatives.point_of(scene, case["by"])
+    probes = case.get("probe", range(len(start)))
+
+    def ask(width, step=None, repeats=3):
+        moved = [start + sign * width * np.eye(len(start))[k] for k in probes for sign in (1, -1)]
+        request = {"id": case["case"], "settings": "best", "scene": scene, "times": [case["time"]], "of": case["of"], "by": case["by"],
+                   "at": [list(point) for point in [start, *moved]], "repeats": repeats}
+        answer = adapter.ask(request | ({"step": step} if step else {}))
+        if "values" in answer:
+            values = np.array(answer["values"][1:])
+            answer["differences"] = ((values[::2] - values[1::2]) / (2 * width)).tolist()
+        return answer
+
+    def error(got, expected):
+        return float(np.max(np.abs(np.array(got) - expected)) / np.max(np.abs(expected)))
+
+    found = {"case": case["case"], "settings": "best"}
+    names = dict(MATHS)
+    for name, formula in case.get("let", {}).items():
+        names[name] = eval(formula, names)
+    answer = ask(1e-6)
+    if "values" not in answer:
+        reason = answer.get("refused", answer.get("failed", "its adapter has no derivatives"))
+        kind = "fails" if "failed" in answer and "no answer within" not in reason else "refused"
+        return found | {"verdict": kind, "figure": None, "reason": reason}
+    if answer["used"].get("precision") == "single":
+        answer |= {"differences": ask(1e-4, repeats=1)["differences"]}  # less is lost in rounding
+    own = error(np.array(answer["gradient"])[list(probes)], answer["differences"])
+    step = answer["used"].get("step")
+    finer = ask(case["width"], step / REFINE, repeats=1) if step else answer
+    far = finer.get("differences")
+    expected = np.array(eval(case["derivative"], names)) if "derivative" in case else None if far is None else np.array(far)
+    found |= {key: answer[key] for key in ("method", "used", "seconds")}
+    found |= {"value": answer["values"][0], "gradient": answer["gradient"], "differences": answer["differences"], "own": own, "far": far}
+    if "value" in case:
+        found["value error"] = abs(answer["values"][0] - eval(case["value"], names))
+    if expected is None:
+        return found | {"verdict": "refused", "figure": None, "reason": f"with a step {REFINE} times smaller: {finer.get('failed', finer.get('refused'))}"}
+    figure, refined = error(answer["gradient"], expected), None
+    if step:
+        refined = error(finer["gradient"], expected) if "gradient" in finer else math.nan
+        if math.isfinite(refined):
+            found["refined"] = refined
+        else:
+            found["not refined"] = finer.get("failed", finer.get("refused"))
+    return found | {"verdict": graded(figure, refined), "figure": figure, "expected": expected.tolist()}
+
+
+def cases(only, gradients=False):
     found = []
     for name in sorted(os.listdir(os.path.join(HERE, "cases"))):
         if name.endswith(".json"):
             with open(os.path.join(HERE, "cases", name)) as file:
-                found += json.load(file)
+                found += [case for case in json.load(file) if ("of" in case) == gradients]
     names = [case["case"] for case in found]
     for name in only or []:
         if name not in names:
@@ -235,7 +302,7 @@ def cases(only):
     return sorted((case for case in found if not only or case["case"] in only), key=lambda case: case["number"])
 
 
-def judged(engine, command, chosen, settings, shown):
+def judged(engine, command, chosen, settings, shown, one=judge):
     """All verdicts on one engine, or the reason why its adapter does not start; progress on standard error unless all is `shown` later."""
     adapter = Adapter(command)
     try:
@@ -246,10 +313,10 @@ def judged(engine, command, chosen, settings, shown):
         about.pop("id", None)
         found = []
         for case in chosen:
-            if engine in SLOW and sum(run["times"][-1] for run in case["runs"]) > SHORT:
+            if engine in SLOW and sum(run["times"][-1] for run in case.get("runs", [])) > SHORT:
                 continue
             for setting in settings:
-                verdict = dict(judge(case, adapter, setting), engine=engine)
+                verdict = dict(one(case, adapter, setting), engine=engine)
                 found.append(verdict)
                 if not shown:
                     print(told(verdict), file=sys.stderr, flush=True)
@@ -287,21 +354,28 @@ def main():
     parser.add_argument("--engine", nargs="+", choices=ORDER, help="engines to judge [default: all]")
     parser.add_argument("--case", nargs="+", help="cases to judge [default: all]")
     parser.add_argument("--settings", choices=SETTINGS, help="one setting only")
+    parser.add_argument("--gradients", action="store_true", help="judge the engines' own derivatives instead, with the best settings")
     parser.add_argument("--adapter", help="command of an adapter that is not listed here, judged alone")
     parser.add_argument("--out", help="file for the answers and verdicts, JSON")
     parser.add_argument("--jobs", type=int, default=2, help="engines judged at the same time")
     args = parser.parse_args()
-    chosen, settings = cases(args.case), [args.settings] if args.settings else SETTINGS
+    chosen, settings = cases(args.case, args.gradients), [args.settings] if args.settings else SETTINGS
+    one = judge
+    if args.gradients:
+        settings, one = ["best"], lambda case, adapter, _: gradients(case, adapter)
     commands = adapters()
     engines = {"adapter": args.adapter.split()} if args.adapter else {name: commands[name] for name in args.engine or ORDER}
     with ThreadPoolExecutor(args.jobs) as pool:
-        results = list(pool.map(lambda item: judged(*item, chosen, settings, bool(args.case and not args.out)), engines.items()))
+        results = list(pool.map(lambda item: judged(*item, chosen, settings, bool(args.case and not args.out), one), engines.items()))
     for about, found in results:
         if "missing" in about:
             print(f"could not run: {about['engine']}: {about['missing']}", file=sys.stderr)
         if args.case and not args.out:
             for verdict in found:
                 print(told(verdict))
+                for key in ("value", "value error", "gradient", "expected", "differences", "own", "far", "seconds", "method", "used"):
+                    if key in verdict and args.gradients:
+                        print(f"  {key}: {verdict[key]}")
                 for row in verdict.get("rows", []):
                     expected = next(f"{word} {row[key]}" for key, word in
                                     (("value", "expected"), ("at_most", "at most"), ("at_least", "at least")) if key in row)

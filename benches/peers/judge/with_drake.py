@@ -7,6 +7,7 @@ import sys
 from importlib.metadata import version
 
 import numpy as np
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, InitializeAutoDiff
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.geometry import (
     AddContactMaterial, Box, CollisionFilterDeclaration, GeometrySet, HalfSpace, ProximityProperties, Sphere)
@@ -14,11 +15,12 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, DiscreteContactApproximation
-from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
+from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator, Simulator_
 from pydrake.systems.framework import DiagramBuilder
 
 from adapter import Refused, floats, has_limits, march, parts, restitution_asked, serve, trees, urdf  # first: it makes `common` importable
 import common
+import derivatives
 
 logging.getLogger("drake").setLevel(logging.ERROR)
 DISCRETE = "--discrete" in sys.argv
@@ -147,4 +149,53 @@ def answer(request):
     return {"states": march(request, step, advance, state), "used": {"step": step} | ({"half period of contact": half_period} if best else {})}
 
 
-serve(ABOUT, answer)
+def gradient(request):
+    """By AutoDiffXd, the scalar type that carries derivatives through the discrete plant, with the settings `best`."""
+    scene, step = request["scene"], request.get("step") or STEP["best"]
+    if not DISCRETE:
+        raise Refused("the continuous plant with AutoDiffXd ends with an error where the dissipation of a contact is set from Python "
+                      "('hunt_crossley_dissipation' exists, but is of a different type: requested AutoDiffXd)")
+    if any(path.startswith("contact.") for path in request["by"]):
+        raise Refused("it has no coefficient of restitution")
+    diagram, plant = plant_of(scene, step, max(100.0, 1 / math.sqrt(step)) * step)
+    derived = diagram.ToAutoDiffXd()
+    both = {float: (diagram, plant), AutoDiffXd: (derived, derived.GetSubsystemByName(plant.get_name()))}
+    pieces = len(derivatives.forces(scene)) or 1
+    count = round(request["times"][-1] / step / pieces)
+    order = [plant.GetBodyByName(body["name"]) for body in scene["bodies"]]
+
+    def final(point, scalar):
+        system, own = both[scalar]
+        made = lambda values: [x if isinstance(x, scalar) else scalar(x) for x in values]
+        here = derivatives.put(scene, request["by"], point)
+        q, v = (np.array(made([0.0] * n)) for n in (plant.num_positions(), plant.num_velocities()))
+        for body, (_, place, rate) in zip(order, parts(here, here["start"]["q"], here["start"]["qd"])):
+            # Drake: w x y z, position; angular velocity, velocity, in world axes.
+            i, j = body.floating_positions_start(), body.floating_velocities_start_in_v()
+            q[i:i + 7] = made([place[6], *place[3:6], *place[:3]])
+            v[j:j + 6] = made([*rate[3:], *rate[:3]])
+        simulator = Simulator_[scalar](system)
+        context = own.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+        own.SetPositions(context, q)
+        own.SetVelocities(context, v)
+        u = derivatives.forces(here)
+        for k in range(pieces):
+            if len(u):
+                load = np.array(made([0.0] * len(v)))
+                j = plant.GetBodyByName(here["force"]["body"]).floating_velocities_start_in_v() + 3
+                load[j:j + 2] = made(u[k])
+                own.get_applied_generalized_force_input_port().FixValue(context, load)
+            # Half a step before the end, so that a rounded time makes no step more or less.
+            simulator.AdvanceTo(((k + 1) * count - 0.5) * step)
+        moved, last = own.GetPositions(context), []
+        for body in order:
+            i = body.floating_positions_start()
+            last += [*moved[i + 4:i + 7], *moved[i + 1:i + 4], moved[i]]
+        return derivatives.value(request, np.array(last), u)
+
+    value = lambda point: final(point, float)
+    slope = lambda point: ExtractGradient(np.array([[final(InitializeAutoDiff(point).ravel(), AutoDiffXd)]]))
+    return derivatives.reply(request, value, slope, "AutoDiffXd (forward mode)", step=step)
+
+
+serve(ABOUT, answer, gradient)

@@ -9,7 +9,8 @@ from adapter import Refused, floats, march, parts, restitution_asked, serve  # f
 import common
 
 STEP = {"default": 2e-3, "best": 1e-4}
-ABOUT = {"engine": "mujoco", "version": mujoco.__version__, "law": "linear spring and damper in acceleration space", "settings": {
+ABOUT = {"engine": "mujoco", "version": mujoco.__version__, "law": "linear spring and damper in acceleration space",
+         "no derivatives": "it has differences (mjd_transitionFD), no automatic derivatives", "settings": {
     "default": {"method": "step 2 ms, Euler, pyramidal cone; restitution is not expressible",
                 "source": "mujoco.readthedocs.io/en/stable/XMLreference.html#option"},
     "best": {"method": "step 0.1 ms, RK4, direct solref (−k, −c) with a half period of 40 steps and the damping ratio of e, solimp 0.9999, "

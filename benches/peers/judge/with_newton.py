@@ -1,12 +1,14 @@
 """Newton (Warp) on the CPU: its solver XPBD, in single precision. Restitution is an option of that solver."""
 
+import math
 from importlib.metadata import version
 
 import newton
 import numpy as np
 import warp
 
-from adapter import Refused, floats, has_limits, march, parts, restitution_asked, serve
+from adapter import Refused, floats, has_limits, march, parts, restitution_asked, serve  # first: it makes `common` importable
+import derivatives
 
 warp.config.quiet = True
 warp.set_device("cpu")
@@ -85,4 +87,80 @@ def answer(request):
     return {"states": march(request, step, advance, state), "used": {"step": step}}
 
 
-serve(ABOUT, answer)
+def damping_ratio(restitution):
+    """Damping ratio of a spring whose damper acts only in the approach: e = exp(−ζ/sqrt(1 − ζ²) acos ζ), by bisection."""
+    low, high = 0.0, 1.0 - 1e-9
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if math.exp(-middle / math.sqrt(1 - middle**2) * math.acos(middle)) > restitution else (low, middle)
+    return low
+
+
+def gradient(request):
+    """By Warp's tape (reverse mode) through SolverSemiImplicit, the solver of Newton's examples of differentiation. Its contacts are
+    springs with dampers that act in the approach: a half period of 40 steps, the damping that gives e."""
+    scene, step = request["scene"], request.get("step") or STEP["best"]
+    if any(path.startswith("contact.") for path in request["by"]):
+        raise Refused("the contacts of SolverSemiImplicit have no coefficient of restitution")
+    builder, contact, hint = model_of(scene, True), scene["contact"], scene["hint"]
+    stiffness = hint["mass"] * (math.pi / (40 * step)) ** 2
+    builder.shape_material_ke = [stiffness] * builder.shape_count
+    builder.shape_material_kd = [2 * damping_ratio(contact["restitution"]) * math.sqrt(stiffness * hint["mass"])] * builder.shape_count
+    builder.shape_material_kf = [1e2 * hint["mass"] if contact["friction"] else 0.0] * builder.shape_count
+    builder.joint_q, builder.joint_qd = scene["start"]["q"], scene["start"]["qd"]
+    model = builder.finalize(device="cpu", requires_grad=True)
+    solver, control = newton.solvers.SolverSemiImplicit(model), model.control()
+    count = round(request["times"][-1] / step)
+    states = [model.state(requires_grad=True) for _ in range(count + 1)]
+    pipeline = newton.CollisionPipeline(model, requires_grad=True, rigid_contact_max=8 * len(scene["bodies"]))
+    contacts = [pipeline.contacts() for _ in range(count)]
+    newton.eval_fk(model, model.joint_q, model.joint_qd, states[0])
+    names = [body["name"] for body in scene["bodies"]]
+    pieces = derivatives.forces(scene)
+    loads = [warp.zeros(model.body_count, dtype=warp.spatial_vector, requires_grad=True) for _ in pieces]
+
+    def put(point):
+        here = derivatives.put(scene, request["by"], map(float, point))
+        q, qd = states[0].body_q.numpy(), states[0].body_qd.numpy()
+        for k, (_, own, rate) in enumerate(parts(here, here["start"]["q"], here["start"]["qd"])):
+            q[k], qd[k] = own, rate
+        states[0].body_q.assign(q)
+        states[0].body_qd.assign(qd)
+        u = derivatives.forces(here)
+        for load, piece in zip(loads, u):
+            whole = np.zeros((model.body_count, 6), np.float32)
+            whole[names.index(here["force"]["body"]), :2] = piece
+            load.assign(whole)
+        return u
+
+    def advance():
+        for k in range(count):
+            if loads:
+                warp.copy(states[k].body_f, loads[k * len(loads) // count])
+            else:
+                states[k].clear_forces()
+            pipeline.collide(states[k], contacts[k])
+            solver.step(states[k], states[k + 1], control, contacts[k], step)
+
+    def value(point):
+        u = put(point)
+        advance()
+        return derivatives.value(request, states[-1].body_q.numpy().astype(float).ravel(), u)
+
+    def slope(point):
+        u, tape = put(point), warp.Tape()
+        with tape:
+            advance()
+        by_q, by_u = derivatives.slopes(request, states[-1].body_q.numpy().astype(float).ravel(), u)
+        seed = warp.array(by_q.reshape(-1, 7).astype(np.float32), dtype=warp.transform)
+        tape.backward(grads={states[-1].body_q: seed})
+        first = {"q": states[0].body_q.grad.numpy().ravel(), "qd": states[0].body_qd.grad.numpy().ravel()}
+        found = [first[path.split(".")[1]][int(path.split(".")[2])] for path in request["by"] if path != "force.pieces"]
+        found += list(by_u + np.ravel([load.grad.numpy()[names.index(scene["force"]["body"]), :2] for load in loads])) if loads else []
+        tape.zero()
+        return found
+
+    return derivatives.reply(request, value, slope, "Warp's tape (reverse mode), SolverSemiImplicit", step=step, precision="single")
+
+
+serve(ABOUT, answer, gradient)

@@ -12,7 +12,8 @@ from mechanics import turn_of
 
 STEP = {"default": 1e-3, "best": 1e-4}
 SOURCE = "docs.ros.org, pinocchio, impulseDynamics (r_coeff)"
-ABOUT = {"engine": "pinocchio", "version": pinocchio.__version__, "law": "Newton's e, frictionless", "settings": {
+ABOUT = {"engine": "pinocchio", "version": pinocchio.__version__, "law": "Newton's e, frictionless",
+         "no derivatives": "it has no derivatives of a run: computeImpulseDynamicsDerivatives is that of one impact that takes all components of a contact's velocity", "settings": {
     "default": {"method": "Runge–Kutta of this adapter, step 1 ms, root of the gap, impulseDynamics", "source": SOURCE},
     "best": {"method": "the same, step 0.1 ms", "source": SOURCE}}}
 REST = 1e-7  # an approach of a contact below this speed lasts; then this adapter refuses, m/s

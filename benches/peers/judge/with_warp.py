@@ -16,7 +16,8 @@ warp.config.quiet = True
 warp.set_device("cpu")
 STEP = {"default": 2e-3, "best": 1e-3}
 SOURCE = "mujoco.readthedocs.io/en/stable/mjwarp"
-ABOUT = {"engine": "mujoco-warp", "version": version("mujoco-warp"), "law": with_mujoco.ABOUT["law"], "settings": {
+ABOUT = {"engine": "mujoco-warp", "version": version("mujoco-warp"), "law": with_mujoco.ABOUT["law"],
+         "no derivatives": "its kernels are compiled without a backward pass (enable_backward is False)", "settings": {
     "default": {"method": "CPU, step 2 ms, as MuJoCo's default", "source": SOURCE},
     "best": {"method": "CPU, step 1 ms (single precision loses the contact at smaller ones), otherwise as MuJoCo's best with Euler and solimp 0.99", "source": SOURCE}}}
 
