@@ -1,4 +1,4 @@
-"""Writes the page and the picture of the judge: page.py judge.json page.md OUT.md OUT.svg."""
+"""Writes the page and the picture of the judge: page.py judge.json judge_gradients.json page.md OUT.md OUT.svg."""
 
 import json
 import os
@@ -63,8 +63,8 @@ def picture(told, path):
     figure.savefig(path, metadata={"Date": None, "Creator": None})
 
 
-def table(told, settings):
-    engines = [about["engine"] for about in told["engines"] if "missing" not in about]
+def table(told, settings, engines=None):
+    engines = engines or [about["engine"] for about in told["engines"] if "missing" not in about]
     verdicts = {(it["engine"], it["case"]): it for it in told["verdicts"] if it["settings"] == settings}
     lines = ["| case | " + " | ".join(engines) + " |", "| --- |" + " --- |" * len(engines)]
     for case in told["cases"]:
@@ -95,12 +95,57 @@ def refusals(told):
     return "\n".join(lines)
 
 
-def page(told, template, path):
+def differentiated(told):
+    """The engines that have derivatives of some case."""
+    return [about["engine"] for about in told["engines"] if any("gradient" in it and it["engine"] == about["engine"] for it in told["verdicts"])]
+
+
+def measured(told):
+    """A line for each engine and case with derivatives: their errors and times."""
+    plain = lambda number: f"{number:.3g}".replace("e-0", "e-").replace("e+0", "e")
+    lines = ["| case | engine | value | derivative | error | step/8 | own differences | value, s | gradient, values | first, s |",
+             "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"]
+    for it in told["verdicts"]:
+        if "gradient" not in it:
+            continue
+        seconds = it["seconds"]
+        slopes = ", ".join(f"{number:.4g}" for number in it["gradient"]) if len(it["gradient"]) <= 4 else f"{len(it['gradient'])} numbers"
+        refined = plain(it["refined"]) if "refined" in it else "no answer" if "not refined" in it else ""
+        lines.append(f"| {it['case']} | {it['engine']} | {it['value']:.5g} | {slopes} | {plain(it['figure'])} | {refined} | {plain(it['own'])} | "
+                     f"{plain(seconds['value'])} | {seconds['gradient'] / seconds['value']:.1f} | {plain(seconds['first gradient'])} |")
+    return "\n".join(lines)
+
+
+def listed(told, level="###"):
+    return "\n".join(f"{level} {case['case']}: {case['title']}\n\n{case['asks']} Law: {case['law']}. Source: {case['source']}.\n" for case in told["cases"]).rstrip()
+
+
+def methods(told):
+    """How each engine differentiates, or why it refuses all cases."""
+    lines = []
+    for about in told["engines"]:
+        own = [it for it in told["verdicts"] if it["engine"] == about["engine"]]
+        known = next((it for it in own if "method" in it), None)
+        found = list(dict.fromkeys(it["method"] for it in own if "method" in it))
+        step = f", step {known['used']['step']:g} s" if known and "step" in known["used"] else ""
+        refusals = {}
+        for it in own:
+            if it["verdict"] == "refused":
+                refusals.setdefault(it["reason"], []).append(it["case"])
+        told_of = [f"{reason} ({'all cases' if len(cases) == len(told['cases']) else ', '.join(cases)})" for reason, cases in refusals.items()]
+        failed = [f"{it['case']} fails: {it['reason']}" for it in own if it["verdict"] == "fails" and "reason" in it]
+        if own:
+            text = "; ".join([" and ".join(found) + step] if found else []) + ("; " if found and told_of + failed else "") + "; ".join(
+                [f"refused: {it}" for it in told_of] + failed)
+            lines.append(f"| {about['engine']} {about['version']} | {text} |")
+    return "| engine | derivatives |\n| --- | --- |\n" + "\n".join(lines)
+
+
+def page(told, derived, template, path):
     machine = told["machine"]
     engines = [about for about in told["engines"] if "missing" not in about]
     with open(template) as file:
         text = file.read()
-    rows = "\n".join(f"### {case['case']}: {case['title']}\n\n{case['asks']} Law: {case['law']}. Source: {case['source']}.\n" for case in told["cases"])
     settings = "\n".join(
         f"| {about['engine']} {about['version']} | {about['law']} | {about['settings']['default']['method']} | "
         f"{about['settings']['best']['method']} | {about['settings']['best']['source']} |" for about in engines)
@@ -108,7 +153,8 @@ def page(told, template, path):
     missing = "".join(f"\n- not run: {about['engine']}: {about['missing']}" for about in told["engines"] if "missing" in about)
     text = text.format(
         engines=len(engines), cases=len(told["cases"]), refine=told["refine"], best=table(told, "best"), default=table(told, "default"),
-        counts=counts(told), refusals=refusals(told), list=rows.rstrip(), settings=settings + ("\n" + missing if missing else ""),
+        counts=counts(told), refusals=refusals(told), list=listed(told),
+        derivatives=table(derived, "best", differentiated(derived)), measured=measured(derived), methods=methods(derived), derived=listed(derived, "####"), settings=settings + ("\n" + missing if missing else ""),
         machine=f"{machine['cpu']}, {machine['cores']} cores, {machine['system']}. No case uses random numbers. "
                 "Times do not enter the verdicts, except that an engine has two minutes of processor time and twenty minutes in all for an answer.")
     with open(path, "w") as file:
@@ -116,8 +162,10 @@ def page(told, template, path):
 
 
 if __name__ == "__main__":
-    source, template, out, drawing = sys.argv[1:]
+    source, gradients, template, out, drawing = sys.argv[1:]
     with open(source) as file:
         told = json.load(file)
+    with open(gradients) as file:
+        derived = json.load(file)
     picture(told, drawing)
-    page(told, template, out)
+    page(told, derived, template, out)
