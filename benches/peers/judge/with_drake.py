@@ -130,7 +130,8 @@ def answer(request):
     def advance(count):
         nonlocal made
         made += count
-        simulator.AdvanceTo((made + 1e-6) * step if not continuous else made * step)
+        # An update takes place at the start of a step: half a step before the end, so that a rounded time makes no step more or less.
+        simulator.AdvanceTo(made * step if continuous else (made - 0.5) * step)
 
     def state():
         q, qd = [], []
@@ -185,7 +186,6 @@ def gradient(request):
                 j = plant.GetBodyByName(here["force"]["body"]).floating_velocities_start_in_v() + 3
                 load[j:j + 2] = made(u[k])
                 own.get_applied_generalized_force_input_port().FixValue(context, load)
-            # Half a step before the end, so that a rounded time makes no step more or less.
             simulator.AdvanceTo(((k + 1) * count - 0.5) * step)
         moved, last = own.GetPositions(context), []
         for body in order:
