@@ -22,6 +22,7 @@ mod input;
 mod inspect;
 mod law;
 mod map;
+mod orbit;
 mod output;
 mod paper;
 mod plan;
@@ -102,6 +103,7 @@ enum Use {
     Map(map::MapCommand),
     Plan(plan::PlanCommand),
     Simulate(simulate::Simulate),
+    Orbit(orbit::OrbitCommand),
     Tosses(tosses::TossesCommand),
     Fit(fit::FitCommand),
     Compare(compare::CompareCommand),
@@ -155,6 +157,7 @@ fn main() -> ExitCode {
             Use::Map(command) => command.run(stdout),
             Use::Plan(command) => command.run(stdout),
             Use::Simulate(command) => command.run(stdout),
+            Use::Orbit(command) => command.run(stdout),
             Use::Tosses(command) => command.run(stdout),
             Use::Fit(command) => command.run(stdout),
             Use::Compare(command) => command.run(stdout),

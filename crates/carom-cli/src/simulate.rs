@@ -398,20 +398,20 @@ fn for_people(events: &[NamedEvent], run: &Summary, out: &mut dyn Write) -> io::
 }
 
 /// Tables of the same rows that are being written; keeps the first error.
-struct Tables {
+pub struct Tables {
     tables: Vec<Table>,
     failed: Option<TableError>,
 }
 
 impl Tables {
-    fn begin<'a>(paths: impl IntoIterator<Item = &'a Path>, columns: &[Column], scene: &str) -> Result<Self, CliError> {
+    pub fn begin<'a>(paths: impl IntoIterator<Item = &'a Path>, columns: &[Column], scene: &str) -> Result<Self, CliError> {
         let tables = paths.into_iter().map(|path| Table::create_with(path, columns));
         let mut tables = tables.collect::<Result<Vec<_>, _>>()?;
         tables.iter_mut().for_each(|table| table.describe(SCENE_KEY, scene));
         Ok(Self { tables, failed: None })
     }
 
-    fn row(&mut self, numbers: &[f64]) {
+    pub fn row(&mut self, numbers: &[f64]) {
         for table in &mut self.tables {
             if self.failed.is_none() {
                 self.failed = table.row(numbers).err();
@@ -419,7 +419,7 @@ impl Tables {
         }
     }
 
-    fn finish(self) -> Result<(), CliError> {
+    pub fn finish(self) -> Result<(), CliError> {
         if let Some(error) = self.failed {
             return Err(error.into());
         }

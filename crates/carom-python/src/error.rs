@@ -5,6 +5,7 @@ use carom_impact::ImpactError;
 use carom_sim::SimError;
 use carom_study::fit::FitError;
 use carom_study::map_study::StudyError;
+use carom_study::orbit::OrbitError;
 use carom_study::{TableError, TossError};
 use pyo3::PyErr;
 
@@ -75,6 +76,15 @@ impl Raise for StudyError {
 impl Raise for TableError {
     fn raise(&self, at: &str) -> PyErr {
         exceptions::StudyError::new_err(format!("{at}{self}"))
+    }
+}
+
+impl Raise for OrbitError {
+    fn raise(&self, at: &str) -> PyErr {
+        match self {
+            Self::Run(error) => error.raise(at),
+            _ => exceptions::StudyError::new_err(format!("{at}{self}")),
+        }
     }
 }
 

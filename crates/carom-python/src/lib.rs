@@ -49,6 +49,7 @@ mod impacts;
 mod laws;
 mod linear_run;
 mod notebook;
+mod orbit;
 mod order;
 mod outcome;
 mod pickle;
@@ -86,6 +87,8 @@ mod _carom {
     use crate::laws::{KnownLaw, PythonLaw};
     #[pymodule_export]
     use crate::linear_run::LinearRun;
+    #[pymodule_export]
+    use crate::orbit::{cycles, orbit};
     #[pymodule_export]
     use crate::outcome::{Outcome, law};
     #[pymodule_export]

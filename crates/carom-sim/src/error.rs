@@ -150,6 +150,21 @@ pub enum SimError {
         /// `m`, or `rad` at the limit of a revolute joint.
         unit: &'static str,
     },
+    /// A touch that may close from now on overlaps.
+    #[error(
+        "at {time} s closes_while of {touch} becomes true, and the contact overlaps by {} {unit}: choose a condition that becomes true \
+         while it is open", four_digits(*depth)
+    )]
+    ClosesInside {
+        /// Time, s.
+        time: f64,
+        /// Name of the touch.
+        touch: String,
+        /// Depth of the overlap, in `unit`.
+        depth: f64,
+        /// `m`, or `rad` at the limit of a revolute joint.
+        unit: &'static str,
+    },
     /// Velocities of time steps have grown beyond all numbers.
     #[error(
         "at t = {time} s the numbers of a time step exceed the range of f64: check the units of forces, gains and masses; where the time \

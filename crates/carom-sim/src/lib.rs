@@ -58,7 +58,7 @@ pub use run::{
     Sensitivity, Session, SessionState, Statistics, StepReason, StopReason, Summary, Trajectory,
 };
 pub use scene::{Distribution, Perturbation, Scene};
-pub use state::{ContactImpulse, Moment, Profile};
+pub use state::{ContactImpulse, LinearFunction, Moment, Profile};
 
 // Hidden: what only the command line, the Python package and the studies use.
 #[doc(hidden)]

@@ -2,6 +2,7 @@
 //!
 //! - [`map_study`]: impact maps from study files, with pictures and local optima;
 //! - [`fit`]: fits of restitution and friction to recorded impacts; [`Tosses`]: roll-outs of measured tosses;
+//! - [`orbit`]: periodic orbits, their multipliers, and branches of them over a parameter;
 //! - [`ensemble()`]: many runs of a scene from disturbed starts;
 //! - [`hodograph`], [`routh_diagram`], [`impulse_space`]: diagrams of one impact that compare laws;
 //! - [`self_motion()`], [`tangential_map`]: maps of three-link and two-link arms; [`Table`]: CSV and Parquet tables;
@@ -12,6 +13,7 @@ mod ensemble;
 pub mod fit;
 mod impact_map;
 pub mod map_study;
+pub mod orbit;
 mod part;
 mod scene_table;
 mod self_motion;

@@ -4,6 +4,7 @@ mod diagrams;
 mod fit;
 mod map_pictures;
 mod map_study;
+mod orbits;
 mod part;
 mod reference;
 mod table;

@@ -40,9 +40,11 @@ from ._carom import (
     Whittaker,
     can_record,
     chart,
+    cycles,
     diagram,
     law,
     map,
+    orbit,
     tosses,
 )
 from ._errors import (
@@ -326,9 +328,11 @@ __all__ = [
     "can_record",
     "chart",
     "compare",
+    "cycles",
     "diagram",
     "fit",
     "law",
+    "orbit",
     "record",
     "tosses",
 ]

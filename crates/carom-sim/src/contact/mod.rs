@@ -2,6 +2,7 @@
 
 mod by_speed;
 mod compliance;
+mod condition;
 mod friction;
 mod gap;
 mod law;
@@ -16,6 +17,7 @@ mod touch;
 pub use by_speed::RestitutionBySpeed;
 pub(crate) use compliance::Memory;
 pub use compliance::{Compliance, Holding, Yielding};
+pub(crate) use condition::ClosesWhile;
 pub(crate) use friction::friction_bound;
 pub(crate) use gap::{At, BallOnPlane, Place};
 pub use law::ContactLaw;

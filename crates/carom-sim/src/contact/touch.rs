@@ -9,6 +9,7 @@
 //! | u | 3 | velocity of the contact point relative to the surface, J qd − ṡ | `u` |
 //! | J | 3×nv | Jacobian of the contact point; between two links, that of the first minus that of the second | `jacobian` |
 
+use super::condition::ClosesWhile;
 use super::pair::{Against, Pair};
 use super::rule::ContactRule;
 use super::surface::{Moving, Surface, SurfaceMotion};
@@ -31,6 +32,7 @@ pub struct Touch {
     /// Name of the surface, or of the other link; `None` for a limit.
     pub(crate) surface: Option<String>,
     pub(crate) motion: Option<Moving>,
+    pub(crate) closes_while: Option<ClosesWhile>,
 }
 
 #[derive(Debug, Clone)]
@@ -151,7 +153,7 @@ impl Touch {
                     let kind = TouchKind::Ball { shape, centre, radius, point: *point, normal: *normal };
                     let (contact, surface) = (contact.clone(), surface.clone());
                     let motion = motion.clone().map(Moving::Given);
-                    touches.push(Self { name, contact, kind, surface, motion });
+                    touches.push(Self { name, contact, kind, surface, motion, closes_while: None });
                 }
             }
             _ => {
@@ -175,7 +177,7 @@ impl Touch {
             let name = part.map_or_else(|| whole.clone(), |part| format!("{whole}, {part}"));
             let kind = TouchKind::Pair { pair: pair.clone(), part };
             let (contact, surface, motion) = (contact.clone(), Some(surface.to_owned()), motion.clone());
-            touches.push(Self { name, contact, kind, surface, motion });
+            touches.push(Self { name, contact, kind, surface, motion, closes_while: None });
         }
     }
 
@@ -190,8 +192,9 @@ impl Touch {
                 TouchKind::Pair { pair, part: Some(_) } if whole(pair) => {}
                 TouchKind::Pair { pair, part: None } if pair.whole != whole(pair) => {
                     let made = Pair::new(&pair.shape, pair.against.clone(), &touch.contact);
-                    let surface = touch.surface().unwrap_or_default().to_owned();
+                    let (surface, before) = (touch.surface().unwrap_or_default().to_owned(), divided.len());
                     Self::add_pair(&mut divided, made, &surface, &touch.contact, touch.motion.clone());
+                    divided[before..].iter_mut().for_each(|new| new.closes_while.clone_from(&touch.closes_while));
                 }
                 _ => divided.push(touch),
             }
@@ -214,7 +217,7 @@ impl Touch {
                 let kind = TouchKind::Limit { joint: joint.name.clone(), q, v, bound, sign };
                 let name = format!("{side} limit of {}", joint.name);
                 let contact = ContactRule::new(Frictionless { restitution });
-                let new = Self { name, contact, kind, surface: None, motion: None };
+                let new = Self { name, contact, kind, surface: None, motion: None, closes_while: None };
                 let known = touches.iter_mut().find_map(|touch| match touch.kind {
                     TouchKind::Limit { q: own, sign: side, bound, .. } if own == q && side == sign => {
                         Some((touch, bound))
@@ -286,6 +289,11 @@ impl Touch {
             (TouchKind::Pair { pair, .. }, TouchKind::Pair { pair: other, .. }) => Arc::ptr_eq(pair, other),
             _ => false,
         }
+    }
+
+    /// Whether it may close at a state (q, qd) of a motion of this pace.
+    pub(crate) fn may_close(&self, state: &[f64], pace: f64) -> bool {
+        self.closes_while.as_ref().is_none_or(|condition| condition.holds(state, pace))
     }
 
     /// Radius of a sphere about the body of its link, m; 0 for a limit.

@@ -110,16 +110,17 @@ impl<'a, A: Space> Gaps<'a, A> {
     }
 
     /// What is watched while these contacts last: gaps one by one, groups as a whole, and the rest of groups whose other contacts
-    /// last.
-    pub fn to_watch(&self, lasting: &[Lasting]) -> ToWatch {
+    /// last. Only of touches that may close at this state.
+    pub fn to_watch(&self, lasting: &[Lasting], (state, pace): (&[f64], f64)) -> ToWatch {
         let mut watched = ToWatch::default();
-        let open = |k: &usize| !lasting.iter().any(|own| own.touch == *k);
+        let may_close = |k: usize| self.sim.touches[k].may_close(state, pace);
+        let open = |k: &usize| may_close(*k) && !lasting.iter().any(|own| own.touch == *k);
         watched.single = self.alone.iter().copied().filter(open).collect();
         for (g, group) in self.groups.iter().enumerate() {
             if !self.lasts(g, lasting) {
-                watched.groups.push(g);
+                watched.groups.extend(may_close(group.parts[0]).then_some(g));
             } else if group.is_hull_on_plane() {
-                watched.rests.push(g);
+                watched.rests.extend(may_close(group.parts[0]).then_some(g));
             } else {
                 watched.single.extend(group.parts.iter().filter(|k| open(k)));
                 watched.single.extend(group.whole.filter(|_| !group.pair.is_complete()).filter(open));

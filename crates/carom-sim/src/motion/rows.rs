@@ -23,7 +23,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
 use std::ops::Range;
 
 /// What the rows are for.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Level {
     /// Gaps.
     Positions,

@@ -87,7 +87,7 @@ impl<A: Space> Motion<'_, A> {
         let mut entries: Vec<Lasting> = candidates.iter().map(|candidate| self.entry(candidate)).collect();
         self.pass_dead_points(&mut entries, &before, (time, y))?;
         self.other_mode = None;
-        self.project(&entries, time, y)?;
+        self.project((&entries, &entries), time, y)?;
         let resting = self.active.dry.iter().any(|joint| joint.state == Dry::Holds);
         if !resting && entries.iter().all(|entry| !entry.is_rigid()) {
             self.active.lasting = entries;

@@ -17,18 +17,22 @@ impl<A: Space> Motion<'_, A> {
     /// Projects a state onto the constraints of the present mode; returns whether it changed.
     pub fn settle(&mut self, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
         let lasting = std::mem::take(&mut self.active.lasting);
-        let changed = self.project(&lasting, time, y);
+        let changed = self.project((&lasting, &lasting), time, y);
         self.active.lasting = lasting;
         changed
     }
 
-    /// Sets the gaps and the normal velocities of these contacts to zero, the slip of those that stick, and the velocities of
-    /// joints held by dry friction. Returns whether the state changed.
-    pub fn project(&mut self, lasting: &[Lasting], time: f64, y: &mut [f64]) -> Result<bool, SimError> {
+    /// Sets the gaps of the first contacts to zero, the normal velocities of the second, the slip of those of them that stick, and the
+    /// velocities of joints held by dry friction. Returns whether the state changed.
+    pub fn project(
+        &mut self,
+        (closed, lasting): (&[Lasting], &[Lasting]),
+        time: f64,
+        y: &mut [f64],
+    ) -> Result<bool, SimError> {
         let (nq, nv) = (self.sim.chain.nq(), self.sim.chain.nv());
-        let rigid = || lasting.iter().filter(|own| own.is_rigid());
         let mut changed = self.close_loops(y)?;
-        if rigid().next().is_none() && !self.active.dry.iter().any(|joint| joint.state == Dry::Holds) {
+        if !closed.iter().chain(lasting).any(Lasting::is_rigid) && !self.active.dry.iter().any(|joint| joint.state == Dry::Holds) {
             return Ok(changed);
         }
         // The velocities at the new configuration.
@@ -37,7 +41,8 @@ impl<A: Space> Motion<'_, A> {
             let Self { sim, model, workspace, couplings, active, scale, .. } = self;
             let mut view = View::closed_by(*model, workspace, &q, couplings)?;
             let (mut table, mut responses) = (Constraints::new(nv), Rows::new(nv));
-            for own in rigid() {
+            let contacts = if level == Level::Positions { closed } else { lasting };
+            for own in contacts.iter().filter(|own| own.is_rigid()) {
                 let touch = &sim.touches[own.touch];
                 let at = touch.at(&view, &q, time);
                 // Not parts that no longer face each other.
@@ -110,7 +115,7 @@ impl<A: Space> Motion<'_, A> {
         self.assembled = found;
         match done {
             // No impulse along n − μ d closes the gap.
-            Err(SimError::Jam { .. }) => self.project(&entries, time, y).map(|_| ()),
+            Err(SimError::Jam { .. }) => self.project((&entries, &entries), time, y).map(|_| ()),
             done => done,
         }
     }

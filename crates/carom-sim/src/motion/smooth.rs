@@ -316,11 +316,13 @@ impl<'a, A: Space> Motion<'a, A> {
         self.gaps.look(touch, &view, (q, qd), time)
     }
 
-    /// Gaps and gap rates of all touches that are near at one state: see [`Gaps::all`].
+    /// Gaps and gap rates of all touches that are near at one state, see [`Gaps::all`], and last or may close.
     pub fn all_gaps(&mut self, time: f64, y: &[f64]) -> Result<Vec<Near>, SimError> {
         let (q, qd) = self.sim.split(y);
         let view = View::<A>::new(self.model, &mut self.workspace, q)?;
-        self.gaps.all(&self.active.lasting, &view, (q, qd), time)
+        let mut gaps = self.gaps.all(&self.active.lasting, &view, (q, qd), time)?;
+        gaps.retain(|(k, _)| self.lasts(*k) || self.sim.touches[*k].may_close(y, self.scale.pace));
+        Ok(gaps)
     }
 
     /// Gap, its rate and the velocity of the contact point relative to the surface at one state.

@@ -197,8 +197,16 @@ impl Plan {
         let step = self.simulation.contact_step;
         let choice = if count == 0 { "none".to_owned() } else { listed(&pairs) };
         let none = touches.is_empty();
+        let condition = |touch: &&Touch| {
+            let formula = touch.closes_while.as_ref()?.formula();
+            Some((touch.name.clone(), format!("closes only while {formula} > 0 (closes_while)")))
+        };
+        let conditional: Vec<_> = pairs.iter().filter_map(condition).collect();
         let why = format!("{closed} gaps in closed form, {search} by a distance query; {} joint limits", limits.len());
         self.keep("contacts", choice, why);
+        for (touch, why) in conditional {
+            self.keep("contacts", touch, why);
+        }
         if self.simulation.stepping {
             let law = self.simulation.several.name();
             let choice = format!("time steps of {step} s throughout; law {law}");

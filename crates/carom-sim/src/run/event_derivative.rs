@@ -27,7 +27,7 @@
 use super::changed::{AT, Changed, DIFFERENCE, WEIGHTS};
 use super::crossing::{After, Before, Struck, WIDE, jump, normal, outcome, rate, value};
 use super::follow::{Follow, Noted, Stop};
-use super::guard::{Ending, Is};
+use super::guard::{Ending, Guard, Is};
 use super::linear_run::{LinearEvent, Maps};
 use super::variation::left_inverse;
 use crate::error::SimError;
@@ -71,7 +71,8 @@ impl<A: Space> Follow<'_, '_, A> {
             return self.broken(time, "time steps begin, which have no derivative");
         }
         let is_force = guard.is_some_and(|guard| guard.is() == Is::Force);
-        if (guard.is_none() || is_force) && self.goes_on(&before) {
+        let changes_no_force = matches!(guard, Some(Guard::MayClose(..)));
+        if (guard.is_none() || is_force || changes_no_force) && self.goes_on(&before) {
             return Ok(None);
         }
         if rate == 0.0 || !is_force && rate.abs() <= GRAZING * pace {

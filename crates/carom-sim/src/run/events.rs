@@ -218,6 +218,18 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         if hits.is_empty() { self.resettle(None, &rests, &before) } else { self.collide(&hits, &rests) }
     }
 
+    /// # Errors
+    /// [`SimError::ClosesInside`] if a touch that may close from now on overlaps.
+    pub fn refuse_overlap(&mut self, touch: usize) -> Result<(), SimError> {
+        let (gap, _) = self.gap(touch)?;
+        if gap >= -self.motion.scale.touching(touch) {
+            return Ok(());
+        }
+        let (touch, sim) = (&self.motion.sim.touches[touch], self.motion.sim);
+        let (time, name) = (self.time, touch.name.clone());
+        Err(SimError::ClosesInside { time, touch: name, depth: -gap, unit: unit(sim, touch) })
+    }
+
     /// Outputs an event that led from `before` to the present state.
     pub fn note(&mut self, kind: EventKind, before: &[f64]) {
         self.note_impact(kind, before, Vec::new(), None);

@@ -32,6 +32,8 @@ pub(super) struct End {
     pub(super) last: Moment,
     /// From x to the final displacement and velocity, 2nv×n.
     pub(super) tangent: DMatrix<f64>,
+    /// The rate of the final displacement and velocity.
+    pub(super) rate: Vec<f64>,
     pub(super) broken: Option<Broken>,
 }
 
@@ -120,7 +122,13 @@ fn follow<A: Space>(
     let tangent = left_inverse(&follow.run.tangent(&x)).rows(0, moving).into_owned();
     follow.run.until_end(false)?;
     let (q, qd) = follow.run.q_qd();
-    Ok(End { last: Moment { time: follow.run.time, q, qd }, tangent, broken })
+    let mut rate = vec![0.0; moving];
+    if !follow.run.motion.active.stepping && !follow.run.history.resting {
+        let x = follow.run.x();
+        let f = follow.run.field(follow.run.time, &x)?;
+        rate.copy_from_slice((left_inverse(&follow.run.tangent(&x)).rows(0, moving) * f).as_slice());
+    }
+    Ok(End { last: Moment { time: follow.run.time, q, qd }, tangent, rate, broken })
 }
 
 impl<A: Space> Follow<'_, '_, A> {

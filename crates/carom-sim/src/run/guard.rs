@@ -49,6 +49,8 @@ pub(crate) enum Guard {
     Admissible,
     /// The loops come near a pose at which the mechanism could branch.
     Branches,
+    /// A touch begins to be one that may close, or (`true`) ceases to be one.
+    MayClose(usize, bool),
 }
 
 /// How a leg ended.
@@ -122,8 +124,8 @@ impl GuardValue {
 
 impl Guard {
     /// The guards of the present mode.
-    pub fn of_mode<A: Space>(motion: &Motion<A>) -> Vec<Self> {
-        let watched = motion.gaps.to_watch(&motion.active.lasting);
+    pub fn of_mode<A: Space>(motion: &Motion<A>, y: &[f64]) -> Vec<Self> {
+        let watched = motion.gaps.to_watch(&motion.active.lasting, (y, motion.scale.pace));
         let mut guards: Vec<Self> = watched.single.into_iter().map(Self::Gap).collect();
         guards.extend(watched.groups.into_iter().map(Self::Pair));
         guards.extend(watched.rests.into_iter().map(Self::Rest));
@@ -162,6 +164,8 @@ impl Guard {
         if !motion.couplings.is_empty() {
             guards.push(Self::Branches);
         }
+        let conditional = motion.sim.touches.iter().enumerate().filter(|(_, touch)| touch.closes_while.is_some());
+        guards.extend(conditional.map(|(k, touch)| Self::MayClose(k, touch.may_close(y, motion.scale.pace))));
         guards
     }
 
@@ -327,6 +331,13 @@ impl Guard {
                 let rate = Some(held.qdd[v] * direction);
                 GuardValue { rate, ..GuardValue::velocity(qd[v] * direction, now.scale.joint(v, now.noise)) }
             }
+            (Self::MayClose(touch, may), _) => {
+                let Some(condition) = &sim.touches[touch].closes_while else { return Ok(GuardValue::default()) };
+                let (state, sign) = ([q, qd].concat(), if may { 1.0 } else { -1.0 });
+                let (value, rate) = condition.at(&state);
+                let band = EQUAL * rate.abs() / now.scale.pace;
+                GuardValue { rate: Some(sign * rate), ..GuardValue::velocity(sign * value, band) }
+            }
             (Self::SlipEnds, _) => GuardValue::bound(now.slip_left),
             (Self::Branches, _) => GuardValue::bound(now.regular),
             (Self::Admissible, _) => GuardValue::margin(now.admissible),
@@ -381,6 +392,7 @@ impl<A: Space> Run<'_, '_, A> {
                 }
                 return Ok(());
             }
+            Guard::MayClose(touch, ceases) => return if ceases { Ok(()) } else { self.refuse_overlap(touch) },
             Guard::SlipGrows(_) => return self.motion.started(self.time, &before),
             Guard::SlipStops(i) => {
                 self.motion.follow_slip(self.time, &before)?;

@@ -5,8 +5,8 @@ use super::sampler::Sampler;
 use super::trajectory::{EnergyBooks, Sampling, Seen, StopReason, Summary};
 use crate::error::SimError;
 use crate::model::Simulation;
-use crate::motion::{ActiveSet, ContactState, Motion, bristles};
-use crate::state::{Moment, Space};
+use crate::motion::{ActiveSet, ContactState, Lasting, Motion, bristles};
+use crate::state::{Moment, STEPS, Space};
 
 /// A run. Its state is that of a [`Checkpoint`]: the time, the numbers of the state, the active set of the
 /// motion, and the history. All else follows from the simulation or is scratch memory.
@@ -94,6 +94,29 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             }
         }
         Ok(StopReason::Duration)
+    }
+
+    /// See [`Session::nearest`](super::Session::nearest).
+    pub fn nearest(&mut self, q: &[f64], qd: &[f64]) -> Result<(Vec<f64>, Vec<f64>), SimError> {
+        self.measure();
+        let lasting = self.motion.active.lasting.clone();
+        let mut closed = lasting.clone();
+        for (touch, (gap, _)) in self.gaps()? {
+            if gap.abs() <= self.motion.scale.touching(touch) && !self.motion.lasts(touch) {
+                closed.push(Lasting::of(touch, &self.motion.sim.touches[touch], None));
+            }
+        }
+        let mut y = self.y.clone();
+        y[..q.len()].copy_from_slice(q);
+        y[q.len()..q.len() + qd.len()].copy_from_slice(qd);
+        // One projection is a step of Newton's method: the gaps are not linear in q.
+        for _ in 0..STEPS {
+            if !self.motion.project((&closed, &lasting), self.time, &mut y)? {
+                break;
+            }
+        }
+        let (q, qd) = self.motion.split(&y);
+        Ok((q.to_vec(), qd.to_vec()))
     }
 
     /// Stays at rest to the end.

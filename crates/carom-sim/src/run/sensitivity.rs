@@ -27,6 +27,8 @@ pub struct Sensitivity {
     /// Derivatives of the final displacement (nv rows, as in the columns) and velocity (nv rows); `None` if the final state has
     /// no derivative: see `broken`.
     pub last_by: Option<DMatrix<f64>>,
+    /// The rate of the final displacement and velocity, (qd, q̈): 2 nv numbers. Of a run that ends with an event, that after it.
+    pub rate: Vec<f64>,
     /// The times of the events that have derivatives.
     pub events: Vec<EventTime>,
     /// Where and why the derivatives end, if they do.
@@ -118,7 +120,7 @@ fn all_columns(
     let end = differentiate(simulation, flat, (start, duration), parameters, &mut all)?;
     let last_by = end.broken.is_none().then(|| end.tangent * &all.s);
     let (names, events) = (names(simulation, parameters), all.events);
-    Ok(Sensitivity { names, last: end.last, last_by, events, broken: end.broken })
+    Ok(Sensitivity { names, last: end.last, last_by, rate: end.rate, events, broken: end.broken })
 }
 
 fn linear(

@@ -247,6 +247,16 @@ impl Session {
         Ok(())
     }
 
+    /// The nearest state to `(q, qd)`, in the metric of M, in which the contacts that are closed now are closed, those that last move as
+    /// they do now (with no normal velocity, without slip where they stick), and the loops are closed.
+    ///
+    /// # Errors
+    /// [`SimError::Chain`] for an invalid state.
+    pub fn nearest(&self, q: &[f64], qd: &[f64]) -> Result<(Vec<f64>, Vec<f64>), SimError> {
+        self.simulation.check(q, qd, 1.0, None)?;
+        ask!(self, |run| run.nearest(q, qd))
+    }
+
     /// Starts again from another state, at the present time: contacts, counts and energies begin anew.
     ///
     /// # Errors

@@ -208,7 +208,7 @@ impl<A: Space> Run<'_, '_, A> {
         let points = hits.iter().chain(&closed).all(|&touch| sim.touches[touch].is_point());
         let hold = Hold::Slides { toward: Vector3::zeros() };
         let normals: Vec<Lasting> = closed.iter().map(|&touch| Lasting { touch, hold }).collect();
-        self.motion.project(&normals, self.time, &mut self.y)?;
+        self.motion.project((&normals, &normals), self.time, &mut self.y)?;
         let (gaps, scale) = (self.gaps()?, &self.motion.scale);
         let fine = |&(k, (gap, _)): &Near| gap >= -scale.touching(k) || sim.touches[k].is_compliant();
         let clear = points && gaps.iter().all(fine);

@@ -15,10 +15,30 @@ impl Scene {
     /// # Errors
     /// [`SimError::Scene`]: a path that leads nowhere, a value that is no number, a number that the scene refuses.
     pub fn with_number(&self, path: &str, change: f64) -> Result<(f64, Self), SimError> {
+        let mut size = 0.0;
+        let scene = self.with_keys(|keys| {
+            size = path::add(keys, path, change).map_err(|why| of_key(path, &why))?;
+            Ok(())
+        })?;
+        Ok((size, scene))
+    }
+
+    /// The same scene with these numbers at the paths of keys of the file. The duration is that of this scene, and the start that of the
+    /// file.
+    ///
+    /// # Errors
+    /// As [`Scene::with_number`].
+    pub fn with_values(&self, values: &[(String, f64)]) -> Result<Self, SimError> {
+        self.with_keys(|keys| {
+            values.iter().try_for_each(|(path, value)| path::set(keys, path, *value).map_err(|why| of_key(path, &why)))
+        })
+    }
+
+    fn with_keys(&self, change: impl FnOnce(&mut toml::Table) -> Result<(), SimError>) -> Result<Self, SimError> {
         let mut keys: toml::Table = self.text.parse().map_err(|e: toml::de::Error| refuse(e.to_string()))?;
-        let size = path::add(&mut keys, path, change).map_err(|why| of_key(path, &why))?;
+        change(&mut keys)?;
         let text = toml::to_string(&keys).map_err(|e| refuse(e.to_string()))?;
-        Ok((size, Self { duration: self.duration, ..Self::from_toml(&text, &self.folder)? }))
+        Ok(Self { duration: self.duration, ..Self::from_toml(&text, &self.folder)? })
     }
 
     /// The number at the path of a key of the file as a parameter: `contact.friction`, `robot.mass.hand`, `surface[0].restitution`.

@@ -3,7 +3,7 @@
 use super::file::{self, All, Contact, ContactKeys, Links, Pair, Restitution, Softness};
 use super::keys::Table;
 use crate::contact::{
-    Compliance, ContactLaw, ContactRule, Holding, SeveralLaw, Surface, Touch, Touches, Yielding, are_disabled, robot_of,
+    ClosesWhile, Compliance, ContactLaw, ContactRule, Holding, SeveralLaw, Surface, Touch, Touches, Yielding, are_disabled, robot_of,
 };
 use crate::error::SimError;
 use carom_chain::Chain;
@@ -151,7 +151,7 @@ pub(crate) fn apply(
     surfaces: &[Surface],
     touches: &mut Vec<Touch>,
 ) -> Result<bool, String> {
-    let Pair { link, surface, joint, disabled, .. } = pair;
+    let Pair { link, surface, joint, disabled, closes_while, .. } = pair;
     if joint.is_some() == (link.is_some() || surface.is_some()) {
         return Err("needs link, surface or both, or else joint (for its limits)".into());
     }
@@ -193,14 +193,22 @@ pub(crate) fn apply(
     };
     let met = touches.iter().any(meant);
     if *disabled {
-        if !own.given.is_empty() {
+        if !own.given.is_empty() || closes_while.is_some() {
             return Err("has disabled = true, and values of a contact that does not act: remove one of them".into());
         }
         touches.retain(|touch| !meant(touch));
     }
+    if joint.is_some() && closes_while.is_some() {
+        return Err("has joint and closes_while: joint limits always act, remove one of them".into());
+    }
+    let condition = closes_while.as_ref().map(|formula| ClosesWhile::of(formula, chain));
+    let condition = condition.transpose().map_err(|why| format!("closes_while = {why}"))?;
     for touch in touches.iter_mut().filter(|touch| meant(touch)) {
         touch.contact = overridden(&touch.contact, own)?;
         touch.contact.check(&touch.name).map_err(|e| e.to_string())?;
+        if condition.is_some() {
+            touch.closes_while.clone_from(&condition);
+        }
     }
     Ok(met)
 }

@@ -159,6 +159,7 @@ key_group! {
         surface: Option<String>,
         joint: Option<String>,
         disabled: bool,
+        closes_while: Option<String>,
     }
 
     pub(crate) struct Compliance needs [stiffness] {

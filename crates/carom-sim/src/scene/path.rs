@@ -7,6 +7,18 @@ use toml::{Table, Value};
 /// # Errors
 /// A path that leads nowhere, and a value that is no number.
 pub fn add(keys: &mut Table, path: &str, change: f64) -> Result<f64, String> {
+    replace(keys, path, |own| own + change)
+}
+
+/// Sets the number at a path.
+///
+/// # Errors
+/// As [`add`].
+pub fn set(keys: &mut Table, path: &str, number: f64) -> Result<(), String> {
+    replace(keys, path, |_| number).map(drop)
+}
+
+fn replace(keys: &mut Table, path: &str, by: impl Fn(f64) -> f64) -> Result<f64, String> {
     let size = |value: &Value| number(value).map_or(0.0, f64::abs);
     let (at, part) = place(keys, path)?;
     let list = part.split_once('[').and_then(|(list, _)| at.get(list)?.as_array());
@@ -16,7 +28,7 @@ pub fn add(keys: &mut Table, path: &str, change: f64) -> Result<f64, String> {
         let why = "the scene has no number there: give it one, so that it can be changed; lists have entries like run.gravity[2]";
         return Err(format!("{path}: {why}"));
     };
-    *value = Value::Float(own + change);
+    *value = Value::Float(by(own));
     let sizes = [own.abs(), largest, 1.0];
     Ok(sizes.into_iter().find(|size| *size > 0.0).unwrap_or(1.0))
 }

@@ -1,0 +1,307 @@
+//! Branches: an orbit followed over a parameter by pseudo-arclength continuation (Keller 1977).
+//!
+//! | symbol | meaning |
+//! | --- | --- |
+//! | π | the parameter as a share of its range |
+//! | G | (DP − 1, ∂P/∂π): its null space is the direction of the branch |
+//! | t | unit vector of that direction |
+//! | s | length along the branch |
+//!
+//! From a point the next one is predicted along t, and corrected by Newton's method perpendicular to t. Between two points a special one is
+//! located where a function of the branch changes its sign:
+//!
+//! | special point | function | meaning |
+//! | --- | --- | --- |
+//! | `fold` | the component of t along π | a multiplier is +1: the branch turns back |
+//! | `flip` | det(DP + 1) | a multiplier is −1: an orbit of twice the period is born |
+//! | `neimark-sacker` | the largest |μ| − 1 of complex pairs | a complex pair has the size 1 |
+//! | `events` | – | the sequence of events changes |
+
+use super::newton::{Look, STEPS, difference};
+use super::problem::{Problem, Vary};
+use super::{Orbit, OrbitError};
+use carom_sim::Plan;
+use nalgebra::{Complex, DMatrix, DVector};
+use serde::Serialize;
+
+/// A branch of orbits.
+#[derive(Debug, Clone, Serialize)]
+pub struct Branch {
+    /// Name of the parameter.
+    pub parameter: String,
+    /// The orbits, in the order of the branch.
+    pub points: Vec<Point>,
+    /// Where the branch bifurcates, turns back, or has another sequence of events.
+    pub special: Vec<Special>,
+    /// Why it ends.
+    pub end: String,
+}
+
+/// An orbit of a branch.
+#[derive(Debug, Clone, Serialize)]
+pub struct Point {
+    /// Value of the parameter.
+    pub parameter: f64,
+    /// The orbit.
+    #[serde(flatten)]
+    pub orbit: Orbit,
+}
+
+/// A special point of a branch.
+#[derive(Debug, Clone, Serialize)]
+pub struct Special {
+    /// `fold`, `flip`, `neimark-sacker`, `events`.
+    pub kind: &'static str,
+    /// Value of the parameter.
+    pub parameter: f64,
+    /// What changes.
+    pub what: String,
+    /// Number of points of the branch before it.
+    pub after: usize,
+}
+
+/// A point of a branch with its direction.
+struct Place {
+    value: f64,
+    plan: Plan,
+    look: Look,
+    direction: DVector<f64>,
+    flip: f64,
+    torus: f64,
+}
+
+/// First, largest and smallest step, as shares of the range of the parameter.
+const FIRST: f64 = 0.02;
+const LONGEST: f64 = 0.1;
+const SHORTEST: f64 = 1e-7;
+/// A correction that takes this number of steps or fewer allows a longer one.
+const QUICK: usize = 4;
+/// Steps of a correction.
+const CORRECTIONS: usize = 8;
+/// Special points are located to this share of the range.
+const LOCATED: f64 = 1e-10;
+/// A function that changes by more within the located interval jumps.
+const JUMP: f64 = 1e-3;
+
+impl Problem {
+    /// Finds the orbit at the first value of the parameter, and follows it over the range.
+    ///
+    /// # Errors
+    /// [`OrbitError`]: the problem has no parameter, or there is no orbit at the first value. A branch that ends later says why.
+    pub fn branch(&self) -> Result<Branch, OrbitError> {
+        let Some(vary) = self.vary.clone() else {
+            let (file, rule) = (self.files.first().map_or_else(String::new, |file| file.display().to_string()), "[vary] is missing: give it parameter, from and to");
+            return Err(OrbitError::File { file, rule: rule.into() });
+        };
+        let first = self.find()?;
+        let iterations = first.iterations;
+        let look = self.look(&self.plan(Some(vary.from))?, first.start, self.parameter(vary.from).as_ref())?;
+        let mut toward = DVector::zeros(look.r.len() + 1);
+        toward[look.r.len()] = 1.0;
+        let mut here = self.place(&vary, vary.from, look, &toward)?;
+        let mut branch = Branch {
+            parameter: vary.name.clone(),
+            points: vec![self.point(&here, iterations)],
+            special: Vec::new(),
+            end: String::new(),
+        };
+        let mut step = FIRST;
+        while branch.points.len() < vary.points {
+            match self.next(&vary, &here, step) {
+                Ok((there, iterations)) => {
+                    let beyond = |value: f64| (value - vary.from) / (vary.to - vary.from);
+                    let (share, turned) = (beyond(there.value), there.direction[there.look.r.len()] < 0.0);
+                    if share >= 1.0 && !turned {
+                        let last = self.landed(&vary, &here, &there);
+                        self.specials(&vary, &here, last.as_ref().unwrap_or(&there), step, &mut branch);
+                        if let Some(last) = last {
+                            branch.points.push(self.point(&last, iterations));
+                        }
+                        branch.end = format!("{} = {}, the end of the range", vary.name, vary.to);
+                        return Ok(branch);
+                    }
+                    self.specials(&vary, &here, &there, step, &mut branch);
+                    branch.points.push(self.point(&there, iterations));
+                    if share < 0.0 {
+                        branch.end = format!("{} = {}: back beyond the start of the range", vary.name, there.value);
+                        return Ok(branch);
+                    }
+                    here = there;
+                    if iterations <= QUICK {
+                        step = (1.5 * step).min(LONGEST);
+                    }
+                }
+                Err(error) if step <= SHORTEST => {
+                    branch.end = format!("near {} = {}: {error}", vary.name, here.value);
+                    return Ok(branch);
+                }
+                Err(OrbitError::Run(error @ carom_sim::SimError::Stopped { .. })) => return Err(error.into()),
+                Err(_) => step *= 0.5,
+            }
+        }
+        branch.end = format!("{} points were computed: give [vary] more points", vary.points);
+        Ok(branch)
+    }
+
+    fn point(&self, place: &Place, iterations: usize) -> Point {
+        let Look { x, found, r, size } = &place.look;
+        let look = Look { x: x.clone(), found: found.clone(), r: r.clone(), size: *size };
+        Point { parameter: place.value, orbit: self.orbit(look, iterations) }
+    }
+
+    /// A point with its direction: that of the null space of G along `before`.
+    fn place(&self, vary: &Vary, value: f64, look: Look, before: &DVector<f64>) -> Result<Place, OrbitError> {
+        let n = look.r.len();
+        let unknown = self.unknown(n);
+        let m = unknown.len();
+        let g = self.extended(vary, &look, &unknown);
+        // Squared, so that the right singular vectors are complete.
+        let square = g.clone().insert_row(m, 0.0);
+        let svd = square.svd(false, true);
+        let least = svd.singular_values.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1)).map_or(m, |(k, _)| k);
+        let null = svd.v_t.map(|v| v.row(least).transpose()).unwrap_or_else(|| DVector::zeros(m + 1));
+        let mut direction = DVector::zeros(n + 1);
+        unknown.iter().enumerate().for_each(|(i, k)| direction[*k] = null[i]);
+        direction[n] = null[m];
+        if direction.dot(before) < 0.0 {
+            direction.neg_mut();
+        }
+        let map = look.found.by_state.select_rows(&unknown).select_columns(&unknown);
+        let flip = (&map + DMatrix::identity(m, m)).determinant();
+        let torus = torus(&self.multipliers(&look.found.by_state));
+        let plan = self.plan(Some(value))?;
+        Ok(Place { value, plan, look, direction, flip, torus })
+    }
+
+    /// G, without the rows and columns of `modulo` coordinates.
+    fn extended(&self, vary: &Vary, look: &Look, unknown: &[usize]) -> DMatrix<f64> {
+        let m = unknown.len();
+        let mut g = look.found.by_state.select_rows(unknown).select_columns(unknown) - DMatrix::identity(m, m);
+        g = g.insert_column(m, 0.0);
+        g.set_column(m, &(look.found.by_parameter.select_rows(unknown) * (vary.to - vary.from)));
+        g
+    }
+
+    /// The point at a length `step` along the direction, and the number of corrections.
+    fn next(&self, vary: &Vary, here: &Place, step: f64) -> Result<(Place, usize), OrbitError> {
+        let n = here.look.r.len();
+        let unknown = self.unknown(n);
+        let m = unknown.len();
+        let range = vary.to - vary.from;
+        let mut value = here.value + step * here.direction[n] * range;
+        let mut x = self.moved(&here.plan, &here.look, &(here.direction.rows(0, n) * step))?;
+        let mut last = f64::INFINITY;
+        for iteration in 1..=CORRECTIONS {
+            let plan = self.plan(Some(value))?;
+            let parameter = self.parameter(value);
+            let look = self.look(&plan, x, parameter.as_ref())?;
+            if look.size <= self.converged() && (look.size > 0.1 * last || look.size <= f64::EPSILON || iteration > 2) {
+                return Ok((self.place(vary, value, look, &here.direction)?, iteration));
+            }
+            if look.size > 10.0 * last {
+                return Err(OrbitError::NotConverged { iterations: iteration, residual: look.size });
+            }
+            last = look.size;
+            let mut matrix = self.extended(vary, &look, &unknown).insert_row(m, 0.0);
+            unknown.iter().enumerate().for_each(|(i, k)| matrix[(m, i)] = here.direction[*k]);
+            matrix[(m, m)] = here.direction[n];
+            let mut right = DVector::zeros(m + 1);
+            unknown.iter().enumerate().for_each(|(i, k)| right[i] = -look.r[*k]);
+            // Beside the constraint of the step: the distance that is left along the direction.
+            let done = difference(&plan.simulation.chain, &here.look.x, &look.x)?;
+            let along: f64 = unknown.iter().map(|k| done[*k] * here.direction[*k]).sum();
+            right[m] = step - along - here.direction[n] * (value - here.value) / range;
+            let least = 1e-12 * matrix.amax();
+            let solved = matrix.svd(true, true).solve(&right, least).unwrap_or_else(|_| DVector::zeros(m + 1));
+            let mut change = DVector::zeros(n);
+            unknown.iter().enumerate().for_each(|(i, k)| change[*k] = solved[i]);
+            x = self.moved(&plan, &look, &change)?;
+            value += solved[m] * range;
+        }
+        Err(OrbitError::NotConverged { iterations: CORRECTIONS, residual: last })
+    }
+
+    /// The orbit at the end of the range, between two points.
+    fn landed(&self, vary: &Vary, here: &Place, there: &Place) -> Option<Place> {
+        let plan = self.plan(Some(vary.to)).ok()?;
+        let parameter = self.parameter(vary.to);
+        let share = (vary.to - here.value) / (there.value - here.value);
+        let nearer = if share > 0.5 { there } else { here };
+        let orbit = self.find_from(&plan, nearer.look.x.clone(), parameter.as_ref()).ok()?;
+        let look = self.look(&plan, orbit.start, parameter.as_ref()).ok()?;
+        self.place(vary, vary.to, look, &here.direction).ok()
+    }
+
+    /// The special points between two points.
+    fn specials(&self, vary: &Vary, here: &Place, there: &Place, step: f64, branch: &mut Branch) {
+        let after = branch.points.len();
+        let mut add = |kind, parameter, what: String| branch.special.push(Special { kind, parameter, what, after });
+        let (before, now) = (sequence(&here.look), sequence(&there.look));
+        if before != now {
+            let near = self.border(vary, here, step, &before);
+            add("events", near, format!("from {} to {}", before.join(", "), now.join(", ")));
+            return;
+        }
+        let functions: [(&str, fn(&Place) -> f64, &str); 3] = [
+            ("fold", |place| place.direction[place.look.r.len()], "a multiplier passes +1, and the branch turns back"),
+            ("flip", |place| place.flip, "a multiplier passes -1: an orbit of twice the period is born"),
+            ("neimark-sacker", |place| place.torus, "a complex pair of multipliers passes the unit circle"),
+        ];
+        for (kind, function, what) in functions {
+            if function(here) * function(there) < 0.0 {
+                let value = self.between(vary, here, step, |place| function(place) * function(here).signum());
+                // A function that jumps has no zero: a complex pair that becomes real.
+                if let Some(value) = value {
+                    add(kind, value, what.into());
+                }
+            }
+        }
+    }
+
+    /// The parameter at which a function that is positive at the start of a step becomes negative.
+    fn between(&self, vary: &Vary, here: &Place, step: f64, function: impl Fn(&Place) -> f64) -> Option<f64> {
+        let at = |s: f64| self.next(vary, here, s).ok().map(|(place, _)| (function(&place), place.value));
+        let (mut low, mut high) = ((0.0, function(here), here.value), (step, at(step)?.0, at(step)?.1));
+        for k in 0..STEPS {
+            if high.0 - low.0 <= LOCATED {
+                break;
+            }
+            // Secant and bisection in turn.
+            let secant = low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1);
+            let middle = 0.5 * (low.0 + high.0);
+            let s = if k % 3 == 2 || !(secant > low.0 && secant < high.0) { middle } else { secant };
+            let Some((value, parameter)) = at(s) else { break };
+            if value == 0.0 {
+                return Some(parameter);
+            }
+            if value > 0.0 { low = (s, value, parameter) } else { high = (s, value, parameter) }
+        }
+        let weight = low.1 / (low.1 - high.1);
+        let jumps = low.1 - high.1 > JUMP;
+        (!jumps).then_some(low.2 + weight * (high.2 - low.2))
+    }
+
+    /// The last value of the parameter within a step at which the orbits have this sequence of events.
+    fn border(&self, vary: &Vary, here: &Place, step: f64, events: &[&str]) -> f64 {
+        let (mut low, mut high, mut value) = (0.0, step, here.value);
+        while high - low > LOCATED {
+            let middle = 0.5 * (low + high);
+            match self.next(vary, here, middle) {
+                Ok((place, _)) if sequence(&place.look) == events => (low, value) = (middle, place.value),
+                _ => high = middle,
+            }
+        }
+        value
+    }
+}
+
+/// The sequence of events of an orbit.
+fn sequence(look: &Look) -> Vec<&str> {
+    look.found.period.events.iter().map(|event| event.what.as_str()).collect()
+}
+
+/// The largest |μ| − 1 of complex pairs; −1 without one.
+fn torus(multipliers: &[Complex<f64>]) -> f64 {
+    multipliers.iter().filter(|x| x.im > 0.0).map(|x| x.norm() - 1.0).fold(-1.0, f64::max)
+}
+

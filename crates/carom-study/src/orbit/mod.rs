@@ -1,0 +1,156 @@
+//! Periodic orbits of scenes, their stability, and how they change with a parameter.
+//!
+//! | symbol | meaning | our name |
+//! | --- | --- | --- |
+//! | x | state (q, q̇) just after the section | [`State`] |
+//! | P | return map: the motion from x to the next passage of the section, then the relabelling | `return_map.rs` |
+//! | r | P(x) − x, as a displacement and a change of velocity | – |
+//! | DP | ∂P/∂x, from the derivative of the run and that of the time of the section | [`Orbit::map`] |
+//! | μ | multipliers: eigenvalues of DP | [`Orbit::multipliers`] |
+//! | p | the parameter of a branch | [`Point::parameter`] |
+//!
+//! An orbit is a fixed point of P (or of its k-th power), which Newton's method finds: `newton.rs`. A perturbation of it is multiplied by
+//! DP in each period, so that the orbit is stable if all |μ| < 1 and unstable if one |μ| > 1 (Guckenheimer & Holmes 1983, section 1.5; with
+//! impacts: Leine & Nijmeijer 2004, chapter 7). [`Problem::branch`] follows an orbit over a parameter: `branch.rs`.
+
+mod branch;
+mod newton;
+mod problem;
+mod return_map;
+mod table;
+
+pub use branch::{Branch, Point, Special};
+pub use problem::Problem;
+pub use return_map::Cycle;
+
+use carom_sim::SimError;
+use nalgebra::{Complex, DMatrix};
+use serde::Serialize;
+
+/// A state on the section.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct State {
+    /// Configuration, length nq; m, rad.
+    pub q: Vec<f64>,
+    /// Velocities, length nv; m/s, rad/s.
+    pub qd: Vec<f64>,
+}
+
+/// An event of an orbit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Happened {
+    /// Time since the start of the orbit, s.
+    pub time: f64,
+    /// Kind ([`EventKind::name`](carom_sim::EventKind::name)) and contacts: `impact foot on floor`.
+    pub what: String,
+}
+
+/// A periodic orbit.
+#[derive(Debug, Clone, Serialize)]
+pub struct Orbit {
+    /// The state at its start, on the section.
+    pub start: State,
+    /// Its period, s.
+    pub period: f64,
+    /// Its events.
+    pub events: Vec<Happened>,
+    /// The multipliers, by decreasing absolute value; real and imaginary part. Directions that constraints, the section or the impact of the
+    /// section forbid have multipliers of zero; `modulo` coordinates have none.
+    #[serde(serialize_with = "as_pairs")]
+    pub multipliers: Vec<Complex<f64>>,
+    /// Whether small perturbations of the orbit decay or grow.
+    pub stability: Stability,
+    /// The largest component of P(x) − x; velocities times the period.
+    pub residual: f64,
+    /// Number of runs with derivatives that were needed.
+    pub iterations: usize,
+    /// ∂P/∂x: rows and columns are a displacement of q and a change of qd, as in [`Sensitivity`](carom_sim::Sensitivity).
+    #[serde(skip)]
+    pub map: DMatrix<f64>,
+    /// ∂P/∂p, if the problem has a parameter: 2 nv numbers.
+    #[serde(skip)]
+    pub by_parameter: Vec<f64>,
+}
+
+/// Stability of an orbit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Stability {
+    /// All |μ| < 1.
+    Stable,
+    /// The largest |μ| is 1 up to 1e-6: the first derivative does not decide.
+    Neutral,
+    /// One |μ| > 1.
+    Unstable,
+}
+
+impl Stability {
+    /// Its name: `stable`, `neutral`, `unstable`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Stable => "stable",
+            Self::Neutral => "neutral",
+            Self::Unstable => "unstable",
+        }
+    }
+
+    fn of(multipliers: &[Complex<f64>]) -> Self {
+        /// Multipliers are accurate to about 1e-8.
+        const CLOSE: f64 = 1e-6;
+        match multipliers.first().map_or(0.0, |largest| largest.norm()) {
+            most if most > 1.0 + CLOSE => Self::Unstable,
+            most if most < 1.0 - CLOSE => Self::Stable,
+            _ => Self::Neutral,
+        }
+    }
+}
+
+fn as_pairs<S: serde::Serializer>(numbers: &[Complex<f64>], to: S) -> Result<S::Ok, S::Error> {
+    to.collect_seq(numbers.iter().map(|x| [x.re, x.im]))
+}
+
+/// Why an orbit is not found.
+#[derive(Debug, Clone, thiserror::Error)]
+#[non_exhaustive]
+pub enum OrbitError {
+    /// The problem file breaks a rule.
+    #[error("{file}: {rule}")]
+    File {
+        /// The file.
+        file: String,
+        /// Key, value, the rule that is broken, and what to do.
+        rule: String,
+    },
+    /// The scene, or a run of it, fails.
+    #[error(transparent)]
+    Run(#[from] SimError),
+    /// The motion does not return to the section.
+    #[error("the motion does not reach the section ({section}) within {longest} s, the duration of the scene: {seen}")]
+    NoReturn {
+        /// The section.
+        section: String,
+        /// Duration of the scene, s.
+        longest: f64,
+        /// The events that were seen.
+        seen: String,
+    },
+    /// The return map has no derivative.
+    #[error("the return map has no derivative: at {time} s: {reason}")]
+    NoDerivative {
+        /// Time since the start, s.
+        time: f64,
+        /// Why.
+        reason: String,
+    },
+    /// Newton's method did not converge.
+    #[error(
+        "no orbit near the start: after {iterations} steps of Newton's method P(x) − x is still {residual:.1e}; choose a start \
+         nearer to the orbit, or more passages before the first step"
+    )]
+    NotConverged {
+        /// Number of steps.
+        iterations: usize,
+        /// The least that was reached.
+        residual: f64,
+    },
+}

@@ -1,0 +1,165 @@
+//! Newton's method for a fixed point of P.
+//!
+//! With r = P(x) − x the step δ solves (1 − DP) δ = r; x + δ is reached from P(x), which is on the constraints, by δ − r, and then moved to
+//! the nearest state in which the contacts of the section are closed.
+
+use super::problem::Problem;
+use super::return_map::Differentiated;
+use super::{Orbit, OrbitError, Stability, State};
+use carom_chain::Chain;
+use carom_sim::{Parameter, Plan};
+use nalgebra::{Complex, DMatrix, DVector};
+
+/// Steps of Newton's method at most.
+pub(super) const STEPS: usize = 40;
+/// Singular values below this share of the largest belong to directions in which the orbits are a family.
+const FAMILY: f64 = 1e-9;
+
+/// A state with P and its derivatives there.
+pub(super) struct Look {
+    pub x: State,
+    pub found: Differentiated,
+    /// P(x) − x; zero for `modulo` coordinates.
+    pub r: DVector<f64>,
+    /// Its largest component, velocities times the period, as a share of the size of x.
+    pub size: f64,
+}
+
+impl Problem {
+    /// Finds the orbit near the start of the scene.
+    ///
+    /// # Errors
+    /// [`OrbitError`]: the run fails, does not return, has no derivative, or Newton's method does not converge.
+    pub fn find(&self) -> Result<Orbit, OrbitError> {
+        let value = self.vary.as_ref().map(|vary| vary.from);
+        let plan = self.plan(value)?;
+        let mut start = State { q: plan.q.clone(), qd: plan.qd.clone() };
+        for _ in 0..self.before {
+            start = self.period(&plan, &start)?.end;
+        }
+        self.find_from(&plan, start, value.and_then(|value| self.parameter(value)).as_ref())
+    }
+
+    /// Finds the orbit near a state on the section.
+    pub(super) fn find_from(
+        &self,
+        plan: &Plan,
+        start: State,
+        parameter: Option<&Parameter>,
+    ) -> Result<Orbit, OrbitError> {
+        let mut here = self.look(plan, start, parameter)?;
+        for iteration in 1..=STEPS {
+            let step = self.step(&here);
+            let (mut share, mut next) = (1.0, None);
+            while share > 1e-3 {
+                let tried = self.moved(plan, &here, &(&step * share)).and_then(|x| self.look(plan, x, parameter));
+                match tried {
+                    Ok(there) if there.size < here.size => {
+                        next = Some(there);
+                        break;
+                    }
+                    Err(error @ (OrbitError::File { .. } | OrbitError::NotConverged { .. })) => return Err(error),
+                    _ => share *= 0.5,
+                }
+            }
+            let ended = match next {
+                Some(there) => {
+                    let slow = there.size > 0.5 * here.size;
+                    here = there;
+                    slow
+                }
+                None => true,
+            };
+            if here.size <= self.converged() && (ended || here.size <= f64::EPSILON) {
+                return Ok(self.orbit(here, iteration + 1));
+            }
+            if ended && share <= 1e-3 {
+                return Err(OrbitError::NotConverged { iterations: iteration, residual: here.size });
+            }
+        }
+        Err(OrbitError::NotConverged { iterations: STEPS, residual: here.size })
+    }
+
+    /// A residual that is the error of the integration.
+    pub(super) fn converged(&self) -> f64 {
+        (100.0 * self.tolerance).max(1e-13)
+    }
+
+    pub(super) fn look(&self, plan: &Plan, x: State, parameter: Option<&Parameter>) -> Result<Look, OrbitError> {
+        let found = self.differentiated(plan, &x, parameter)?;
+        let chain = &plan.simulation.chain;
+        let mut r = difference(chain, &x, &found.period.end)?;
+        self.modulo.iter().for_each(|&k| r[k] = 0.0);
+        let (nv, time) = (chain.nv(), found.period.time);
+        let weight = |k: usize| if k < nv { 1.0 } else { time };
+        let numbers = x.q.iter().copied().chain(x.qd.iter().map(|v| time * v));
+        let scale = numbers.fold(0.0, |most: f64, number| most.max(number.abs()));
+        let most = (0..r.len()).map(|k| (r[k] * weight(k)).abs()).fold(0.0, f64::max);
+        let size = if most == 0.0 { 0.0 } else { most / scale };
+        Ok(Look { x, found, r, size })
+    }
+
+    /// The numbers of a change of a state that must return.
+    pub(super) fn unknown(&self, numbers: usize) -> Vec<usize> {
+        (0..numbers).filter(|k| !self.modulo.contains(k)).collect()
+    }
+
+    /// δ.
+    fn step(&self, here: &Look) -> DVector<f64> {
+        let n = here.r.len();
+        let unknown = self.unknown(n);
+        let map = here.found.by_state.select_rows(&unknown).select_columns(&unknown);
+        let matrix = DMatrix::identity(unknown.len(), unknown.len()) - map;
+        let least = FAMILY * matrix.amax();
+        let solved = matrix.svd(true, true).solve(&here.r.select_rows(&unknown), least).unwrap_or_else(|_| DVector::zeros(unknown.len()));
+        let mut step = DVector::zeros(n);
+        unknown.iter().zip(solved.iter()).for_each(|(k, x)| step[*k] = *x);
+        step
+    }
+
+    /// x + δ, on the constraints of P(x).
+    pub(super) fn moved(&self, plan: &Plan, here: &Look, step: &DVector<f64>) -> Result<State, OrbitError> {
+        let chain = &plan.simulation.chain;
+        let end = &here.found.period.end;
+        let change = step - &here.r;
+        let nv = chain.nv();
+        let q = chain.integrate(&end.q, change.rows(0, nv).as_slice(), 1.0).map_err(carom_sim::SimError::from)?;
+        let qd: Vec<f64> = end.qd.iter().zip(change.rows(nv, nv).iter()).map(|(v, x)| v + x).collect();
+        let (mut q, qd) = self.session(plan, end)?.nearest(&q, &qd)?;
+        self.keep(chain, &here.x, &mut q);
+        Ok(State { q, qd })
+    }
+
+    pub(super) fn orbit(&self, here: Look, iterations: usize) -> Orbit {
+        let Look { x, found, size, .. } = here;
+        let multipliers = self.multipliers(&found.by_state);
+        let stability = Stability::of(&multipliers);
+        Orbit {
+            start: x,
+            period: found.period.time,
+            events: found.period.events,
+            multipliers,
+            stability,
+            residual: size,
+            iterations,
+            map: found.by_state,
+            by_parameter: found.by_parameter.as_slice().to_vec(),
+        }
+    }
+
+    /// The eigenvalues of DP without `modulo` coordinates, by decreasing absolute value.
+    pub(super) fn multipliers(&self, map: &DMatrix<f64>) -> Vec<Complex<f64>> {
+        let unknown = self.unknown(map.nrows());
+        let own = map.select_rows(&unknown).select_columns(&unknown);
+        let mut found: Vec<Complex<f64>> = own.complex_eigenvalues().iter().copied().collect();
+        found.sort_by(|a, b| b.norm().total_cmp(&a.norm()).then(b.im.total_cmp(&a.im)));
+        found
+    }
+}
+
+/// The change from one state to another: a displacement and a change of velocity.
+pub(super) fn difference(chain: &Chain, from: &State, to: &State) -> Result<DVector<f64>, OrbitError> {
+    let mut change = chain.difference(&from.q, &to.q).map_err(carom_sim::SimError::from)?;
+    change.extend(to.qd.iter().zip(&from.qd).map(|(b, a)| b - a));
+    Ok(DVector::from_vec(change))
+}

@@ -1,0 +1,303 @@
+//! Reads a problem file: the scene, the section, and what is asked. The book documents the keys: `book/src/task-orbits.md`.
+
+use super::{Orbit, OrbitError, State};
+use carom_chain::{Chain, input};
+use carom_sim::{LinearFunction, Parameter, Plan, Scene, Simulation};
+use exmex::prelude::*;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    scene: PathBuf,
+    section: SectionKeys,
+    #[serde(default)]
+    orbit: OrbitKeys,
+    vary: Option<VaryKeys>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SectionKeys {
+    contact: Option<String>,
+    rising: Option<String>,
+    falling: Option<String>,
+    period: Option<f64>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields)]
+struct OrbitKeys {
+    passages: Option<usize>,
+    before: Option<usize>,
+    #[serde(default)]
+    modulo: Vec<String>,
+    #[serde(default)]
+    relabel: BTreeMap<String, String>,
+    tolerance: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct VaryKeys {
+    parameter: String,
+    from: f64,
+    to: f64,
+    #[serde(default)]
+    set: BTreeMap<String, String>,
+    points: Option<usize>,
+}
+
+/// A periodic orbit that is looked for: a scene, a section, a relabelling.
+///
+/// ```
+/// use carom_study::orbit::{Problem, Stability};
+/// let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../studies/compass.toml");
+/// let orbit = Problem::from_file(file)?.find()?;
+/// assert_eq!(orbit.stability, Stability::Stable);
+/// # Ok::<(), carom_study::orbit::OrbitError>(())
+/// ```
+pub struct Problem {
+    /// The scene. Its start is where the search begins; its duration is the longest time of one passage.
+    pub scene: Scene,
+    /// The files that were read.
+    pub files: Vec<PathBuf>,
+    /// Warnings about the scene.
+    pub warnings: Vec<String>,
+    pub(super) section: Section,
+    /// Numbers of the change of a state that need not return.
+    pub(super) modulo: Vec<usize>,
+    /// Of each relabelled joint: its numbers in q and qd, and the function of the others that it becomes.
+    pub(super) relabel: Vec<Relabelled>,
+    /// Number of passages of one period.
+    pub(super) passages: usize,
+    /// Number of periods before Newton's method begins.
+    pub(super) before: usize,
+    pub(super) tolerance: f64,
+    pub(super) vary: Option<Vary>,
+}
+
+/// Where a period begins and ends.
+#[derive(Debug, Clone)]
+pub(super) enum Section {
+    /// Each impact of these contacts.
+    Contact { name: String, touches: Vec<usize> },
+    /// A linear function passes zero, upwards.
+    Rising { formula: String, function: LinearFunction },
+    /// After this time, s.
+    After(f64),
+}
+
+/// A joint whose coordinate after the section is a function of those before.
+#[derive(Debug, Clone)]
+pub(super) struct Relabelled {
+    pub q: usize,
+    pub v: usize,
+    pub to: LinearFunction,
+    /// The terms of the function, by numbers of qd.
+    pub rates: Vec<(usize, f64)>,
+}
+
+/// A parameter and its range.
+#[derive(Debug, Clone)]
+pub(super) struct Vary {
+    pub name: String,
+    pub from: f64,
+    pub to: f64,
+    pub points: usize,
+    /// The keys that follow it.
+    set: Vec<(String, FlatEx<f64>)>,
+}
+
+impl Problem {
+    /// Reads a problem file and its scene.
+    ///
+    /// # Errors
+    /// [`OrbitError::File`] with key, value and rule; [`OrbitError::Run`] for an invalid scene.
+    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, OrbitError> {
+        let path = path.as_ref();
+        let name = path.display().to_string();
+        let text = input::read_text(path, input::MOST_MIB)
+            .map_err(|e| OrbitError::File { file: name.clone(), rule: format!("cannot be read: {e}") })?;
+        let mut problem = Self::read(&text, name, path.parent().unwrap_or(Path::new(".")))?;
+        problem.files.insert(0, path.to_owned());
+        Ok(problem)
+    }
+
+    /// Reads a problem from the text of a problem file. File names in it are relative to `folder`.
+    ///
+    /// # Errors
+    /// As [`Problem::from_file`]; the file of the messages is `<problem>`.
+    pub fn from_toml(text: &str, folder: impl AsRef<Path>) -> Result<Self, OrbitError> {
+        Self::read(text, "<problem>".into(), folder.as_ref())
+    }
+
+    fn read(text: &str, name: String, folder: &Path) -> Result<Self, OrbitError> {
+        let refuse = |rule: String| OrbitError::File { file: name.clone(), rule };
+        let file: File = carom_sim::from_toml(text).map_err(refuse)?;
+        let scene = Scene::from_file(folder.join(&file.scene))?;
+        let plan = scene.plan()?;
+        if plan.simulation.stepping {
+            return Err(refuse("scene: its [run] has method = \"time-steps\", and orbits need events: remove it".into()));
+        }
+        let chain = &plan.simulation.chain;
+        let section = section(&file.section, &plan).map_err(|why| refuse(format!("[section] {why}")))?;
+        let OrbitKeys { passages, before, modulo, relabel, tolerance } = &file.orbit;
+        let of_orbit = |why: String| refuse(format!("[orbit] {why}"));
+        let names = plan.simulation.state_names();
+        let modulo = modulo.iter().map(|name| {
+            let known = names.iter().take(chain.nv()).position(|own| own.strip_prefix("q ") == Some(name));
+            known.ok_or_else(|| {
+                let all: Vec<&str> = names.iter().filter_map(|own| own.strip_prefix("q ")).collect();
+                of_orbit(format!("modulo has '{name}', which is no coordinate: there are {}", all.join(", ")))
+            })
+        });
+        let modulo = modulo.collect::<Result<Vec<_>, _>>()?;
+        let relabel = relabel.iter().map(|(joint, formula)| {
+            relabelled(chain, joint, formula).map_err(|why| of_orbit(format!("relabel.{joint} = {why}")))
+        });
+        let relabel = relabel.collect::<Result<Vec<_>, _>>()?;
+        let at_least_one = |key: &str, given: Option<usize>, usual: usize| match given.unwrap_or(usual) {
+            0 => Err(of_orbit(format!("{key} = 0: it must be 1 or more"))),
+            count => Ok(count),
+        };
+        let tolerance = tolerance.unwrap_or(1e-12);
+        if !(tolerance >= f64::EPSILON && tolerance < 1.0) {
+            return Err(of_orbit(format!("tolerance = {tolerance}: it must be from 2.3e-16 to below 1")));
+        }
+        let vary = file.vary.as_ref().map(|keys| vary(keys).map_err(|why| refuse(format!("[vary] {why}"))));
+        let problem = Self {
+            files: scene.files.clone(),
+            warnings: scene.warnings.clone(),
+            section,
+            modulo,
+            relabel,
+            passages: at_least_one("passages", *passages, 1)?,
+            before: at_least_one("before", *before, 1)?,
+            tolerance,
+            vary: vary.transpose()?,
+            scene,
+        };
+        if let Some(vary) = &problem.vary {
+            // A key that leads nowhere, or a value that the scene refuses, is told now.
+            problem.plan(Some(vary.from))?;
+            problem.plan(Some(vary.to))?;
+        }
+        Ok(problem)
+    }
+
+    /// The simulation at this value of the parameter.
+    pub(super) fn plan(&self, parameter: Option<f64>) -> Result<Plan, OrbitError> {
+        let mut plan = match (&self.vary, parameter) {
+            (Some(vary), Some(value)) => self.scene.with_values(&vary.values(value))?.plan()?,
+            _ => self.scene.plan()?,
+        };
+        plan.simulation.tolerance = self.tolerance;
+        plan.simulation.stop.clone_from(&self.scene.simulation.stop);
+        Ok(plan)
+    }
+
+    /// The simulation that starts on an orbit, at the first value of the parameter.
+    ///
+    /// # Errors
+    /// [`OrbitError`] of the scene.
+    pub fn plan_of(&self, orbit: &Orbit) -> Result<Plan, OrbitError> {
+        let State { q, qd } = orbit.start.clone();
+        Ok(Plan { q, qd, ..self.plan(self.vary.as_ref().map(|vary| vary.from))? })
+    }
+
+    /// The parameter of the problem at a value, as one by which runs are differentiated.
+    pub(super) fn parameter(&self, value: f64) -> Option<Parameter> {
+        let vary = self.vary.clone()?;
+        let (scene, tolerance) = (self.scene.clone(), self.tolerance);
+        let scale = value.abs().max(1e-3 * (vary.to - vary.from).abs());
+        Some(Parameter::try_new(vary.name.clone(), scale, move |simulation, delta| {
+            let changed = scene.with_values(&vary.values(value + delta))?.plan()?.simulation;
+            let Simulation { stop, max_events, .. } = simulation;
+            *simulation = Simulation { stop: stop.clone(), max_events: *max_events, tolerance, ..changed };
+            Ok(())
+        }))
+    }
+}
+
+impl Vary {
+    /// The values of the keys.
+    fn values(&self, value: f64) -> Vec<(String, f64)> {
+        if self.set.is_empty() {
+            return vec![(self.name.clone(), value)];
+        }
+        let of = |formula: &FlatEx<f64>| {
+            let values = vec![value; formula.var_names().len()];
+            formula.eval(&values).unwrap_or(f64::NAN)
+        };
+        self.set.iter().map(|(key, formula)| (key.clone(), of(formula))).collect()
+    }
+}
+
+fn section(keys: &SectionKeys, plan: &Plan) -> Result<Section, String> {
+    let SectionKeys { contact, rising, falling, period } = keys;
+    let given = [contact.is_some(), rising.is_some(), falling.is_some(), period.is_some()];
+    if given.iter().filter(|given| **given).count() != 1 {
+        return Err("needs one of contact (an impact), rising or falling (a function that passes zero), period (a time)".into());
+    }
+    if let Some(name) = contact {
+        let touches = &plan.simulation.touches;
+        let meant = |touch: &carom_sim::Touch| touch.name == *name || touch.link() == Some(name) || touch.limit_of() == Some(name);
+        let found: Vec<usize> = (0..touches.len()).filter(|k| meant(&touches[*k])).collect();
+        if found.is_empty() {
+            let known: Vec<&str> = touches.iter().map(|touch| touch.name.as_str()).collect();
+            return Err(format!("contact = \"{name}\" is no contact, link or joint with limits: the contacts are {}", known.join(", ")));
+        }
+        return Ok(Section::Contact { name: name.clone(), touches: found });
+    }
+    if let Some(period) = period {
+        if !(*period > 0.0 && period.is_finite()) {
+            return Err(format!("period = {period}: it must be positive and finite"));
+        }
+        return Ok(Section::After(*period));
+    }
+    let (key, formula, sign) = match (rising, falling) {
+        (Some(formula), _) => ("rising", formula, 1.0),
+        (_, Some(formula)) => ("falling", formula, -1.0),
+        _ => return Err("is empty".into()),
+    };
+    let mut function = LinearFunction::of(formula, &plan.simulation.chain).map_err(|why| format!("{key} = {why}"))?;
+    function.constant *= sign;
+    function.terms.iter_mut().for_each(|(_, c)| *c *= sign);
+    Ok(Section::Rising { formula: format!("{key} {formula}"), function })
+}
+
+fn relabelled(chain: &Chain, joint: &str, formula: &str) -> Result<Relabelled, String> {
+    let of_one = |joint: &str| chain.joints().iter().find(|own| own.name == joint).and_then(|own| chain.coordinate_of(own));
+    let Some(own) = of_one(joint) else {
+        return Err(format!("\"{formula}\": '{joint}' is no joint with one coordinate"));
+    };
+    let to = LinearFunction::of(formula, chain)?;
+    let v_of = |q: usize| chain.joints().iter().find_map(|joint| chain.coordinate_of(joint).filter(|at| at.q == q)).map(|at| at.v);
+    let rates = to.terms.iter().map(|(k, c)| Some((v_of(*k).filter(|_| *k < chain.nq())?, *c)));
+    let rates = rates.collect::<Option<Vec<_>>>();
+    let rates = rates.ok_or_else(|| format!("\"{formula}\" must be a function of joints with one coordinate"))?;
+    Ok(Relabelled { q: own.q, v: own.v, to, rates })
+}
+
+fn vary(keys: &VaryKeys) -> Result<Vary, String> {
+    let VaryKeys { parameter, from, to, set, points } = keys;
+    if !(from.is_finite() && to.is_finite() && from != to) {
+        return Err(format!("from = {from}, to = {to}: they must be finite and different"));
+    }
+    let points = points.unwrap_or(200);
+    if points < 2 {
+        return Err(format!("points = {points}: it must be 2 or more"));
+    }
+    let set = set.iter().map(|(key, formula)| {
+        let refuse = |why: String| format!("set.\"{key}\" = \"{formula}\" {why}");
+        let parsed = FlatEx::<f64>::parse(formula).map_err(|e| refuse(format!("is no formula: {e}")))?;
+        match parsed.var_names().iter().find(|name| *name != parameter) {
+            Some(name) => Err(refuse(format!("has the variable '{name}': the parameter is '{parameter}'"))),
+            None => Ok((key.clone(), parsed)),
+        }
+    });
+    Ok(Vary { name: parameter.clone(), from: *from, to: *to, points, set: set.collect::<Result<_, _>>()? })
+}

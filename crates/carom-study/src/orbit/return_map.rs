@@ -1,0 +1,350 @@
+//! The return map P and its derivative.
+//!
+//! | symbol | meaning |
+//! | --- | --- |
+//! | φ(t, x) | state of the run from x after time t |
+//! | τ(x) | time at which it reaches the section |
+//! | S | ∂φ/∂x at t = τ; at an event that of the motion after it, continued to the time of the event |
+//! | f | rate of the state after the section |
+//! | R | the linear part of the relabelling |
+//!
+//! P(x) = R φ(τ(x), x) + c, so that
+//!
+//! ```text
+//! DP = R (S + f τ′)
+//! ```
+//!
+//! τ′ is that of the event; of a function w of the state τ′ = −∂w S/(∂w f); of a given time 0.
+
+use super::problem::{Problem, Section};
+use super::{Happened, OrbitError, State};
+use carom_chain::Chain;
+use carom_sim::{Broken, Event, EventKind, Moment, Parameter, Plan, Sampling, Seen, Segment, Session, SimError};
+use nalgebra::{DMatrix, DVector};
+
+/// One passage from a state on the section to the next.
+pub(super) struct Passage {
+    pub end: State,
+    pub time: f64,
+    pub events: Vec<Happened>,
+    /// Number of events.
+    count: usize,
+}
+
+/// A period: its passages together.
+#[derive(Clone)]
+pub(super) struct Period {
+    pub end: State,
+    pub time: f64,
+    pub events: Vec<Happened>,
+}
+
+/// A period with its derivatives.
+#[derive(Clone)]
+pub(super) struct Differentiated {
+    pub period: Period,
+    pub by_state: DMatrix<f64>,
+    pub by_parameter: DVector<f64>,
+}
+
+impl Problem {
+    /// P, with its derivatives by x and by the parameter.
+    pub(super) fn differentiated(
+        &self,
+        plan: &Plan,
+        start: &State,
+        parameter: Option<&Parameter>,
+    ) -> Result<Differentiated, OrbitError> {
+        let n = 2 * plan.simulation.chain.nv();
+        let (mut by_state, mut by_parameter) = (DMatrix::identity(n, n), DVector::zeros(n));
+        let period = self.follow(plan, start, |from, passage| {
+            let (state, own) = self.slope(plan, from, passage, parameter)?;
+            by_parameter = &state * &by_parameter + own;
+            by_state = &state * &by_state;
+            Ok(())
+        })?;
+        Ok(Differentiated { period, by_state, by_parameter })
+    }
+
+    /// P without derivatives.
+    pub(super) fn period(&self, plan: &Plan, start: &State) -> Result<Period, OrbitError> {
+        self.follow(plan, start, |_, _| Ok(()))
+    }
+
+    fn follow(
+        &self,
+        plan: &Plan,
+        start: &State,
+        mut each: impl FnMut(&State, &Passage) -> Result<(), OrbitError>,
+    ) -> Result<Period, OrbitError> {
+        let mut period = Period { end: start.clone(), time: 0.0, events: Vec::new() };
+        for _ in 0..self.passages {
+            let passage = self.passage(plan, &period.end)?;
+            each(&period.end, &passage)?;
+            let since = period.time;
+            period.events.extend(passage.events.into_iter().map(|it| Happened { time: since + it.time, ..it }));
+            (period.end, period.time) = (self.relabelled(passage.end), since + passage.time);
+        }
+        self.keep(&plan.simulation.chain, start, &mut period.end.q);
+        Ok(period)
+    }
+
+    /// Returns the coordinates that need not return, so that they do not run away.
+    pub(super) fn keep(&self, chain: &Chain, start: &State, q: &mut [f64]) {
+        for &v in &self.modulo {
+            if let Some(at) = chain.joint_of_velocity(v).and_then(|joint| chain.coordinate_of(joint)) {
+                q[at.q] = start.q[at.q];
+            }
+        }
+    }
+
+    /// A session that begins at a state.
+    pub(super) fn session(&self, plan: &Plan, start: &State) -> Result<Session, SimError> {
+        Plan { q: start.q.clone(), qd: start.qd.clone(), ..plan.clone() }.start()
+    }
+
+    fn passage(&self, plan: &Plan, start: &State) -> Result<Passage, OrbitError> {
+        let mut session = self.session(plan, start)?;
+        let (longest, from) = (self.scene.duration, session.time());
+        let (mut events, mut count) = (Vec::new(), 0);
+        let mut seen = Crossing::new(&self.section);
+        let ends = |event: &Event| match &self.section {
+            Section::Contact { touches, .. } => of_impact(event).iter().any(|touch| touches.contains(touch)),
+            _ => false,
+        };
+        loop {
+            let elapsed = session.time() - from;
+            let left = match self.section {
+                Section::After(period) => period - elapsed,
+                _ => longest - elapsed,
+            };
+            if left <= 0.0 {
+                break;
+            }
+            let (saved, before, mut ended) = (session.save(), session.time(), false);
+            let touches = plan.simulation.touches.as_slice();
+            let sampling = Sampling { dense: matches!(self.section, Section::Rising { .. }), ..Sampling::default() };
+            let mut own = Vec::new();
+            session.stream_to_event(left, sampling, &mut |it| match it {
+                Seen::Event(event) => {
+                    own.push(Happened { time: event.time - from, what: told(event, touches) });
+                    ended |= ends(event) && event.time > from;
+                }
+                Seen::Segment(segment) => seen.look(segment),
+                _ => {}
+            })?;
+            if let Some(mut time) = seen.found.take() {
+                session.restore(&saved)?;
+                own.clear();
+                // The dense output has the error of an interpolation, the state at its end that of the integration.
+                for _ in 0..3 {
+                    session.restore(&saved)?;
+                    session.advance(time - before)?;
+                    time -= seen.value(&session.moment()) / seen.rate;
+                }
+                return Ok(self.end_of(&session, from, events, count));
+            }
+            count += own.len();
+            events.extend(own);
+            if ended {
+                return Ok(self.end_of(&session, from, events, count));
+            }
+        }
+        if matches!(self.section, Section::After(_)) {
+            return Ok(self.end_of(&session, from, events, count));
+        }
+        let names: Vec<&str> = events.iter().take(5).map(|event| event.what.as_str()).collect();
+        let seen = if names.is_empty() { "no event was seen".into() } else { format!("seen were {}", names.join(", ")) };
+        Err(OrbitError::NoReturn { section: self.section.name(), longest, seen })
+    }
+
+    fn end_of(&self, session: &Session, from: f64, events: Vec<Happened>, count: usize) -> Passage {
+        let Moment { time, q, qd } = session.moment();
+        Passage { end: State { q, qd }, time: time - from, events, count }
+    }
+
+    /// DP of one passage, and ∂P/∂p.
+    fn slope(
+        &self,
+        plan: &Plan,
+        start: &State,
+        passage: &Passage,
+        parameter: Option<&Parameter>,
+    ) -> Result<(DMatrix<f64>, DVector<f64>), OrbitError> {
+        let n = 2 * plan.simulation.chain.nv();
+        let mut plan = Plan { q: start.q.clone(), qd: start.qd.clone(), ..plan.clone() };
+        // A run that ends with the event of the section, or at the time.
+        let duration = match self.section {
+            Section::Contact { .. } => {
+                plan.simulation.max_events = passage.count;
+                2.0 * passage.time
+            }
+            _ => passage.time,
+        };
+        let parameters: Vec<Parameter> = parameter.into_iter().cloned().collect();
+        let found = plan.sensitivity(duration, &parameters)?;
+        let refuse = |time: f64, reason: String| Err(OrbitError::NoDerivative { time, reason });
+        if let Some(Broken { time, reason }) = found.broken {
+            return refuse(time - plan.simulation.start_time, reason);
+        }
+        let Some(s) = found.last_by else { return refuse(passage.time, "the final state has none".into()) };
+        let since = found.last.time - plan.simulation.start_time;
+        if (since - passage.time).abs() > 1e-6 * passage.time {
+            return refuse(since, "the run with derivatives has other events than the run".into());
+        }
+        let f = DVector::from_vec(found.rate);
+        let time_by = match &self.section {
+            Section::After(_) => DVector::zeros(s.ncols()),
+            Section::Contact { .. } => match found.events.last().map(|event| &event.time_by) {
+                Some(by) if by.iter().all(|x| x.is_finite()) => DVector::from_column_slice(by),
+                _ => return refuse(since, "the impact of the section is too slow for a derivative of its time".into()),
+            },
+            Section::Rising { function, .. } => {
+                let slope = DVector::from_vec(function.slope(&plan.simulation.chain, &found.last.q));
+                -s.tr_mul(&slope) / slope.dot(&f)
+            }
+        };
+        let r = self.relabelling(n / 2);
+        let all = r * (s + f * time_by.transpose());
+        let own = if parameters.is_empty() { DVector::zeros(n) } else { all.column(n).into_owned() };
+        Ok((all.columns(0, n).into_owned(), own))
+    }
+
+    /// The state after the relabelling.
+    fn relabelled(&self, state: State) -> State {
+        let (whole, mut after) = ([state.q.clone(), state.qd.clone()].concat(), state.clone());
+        for joint in &self.relabel {
+            after.q[joint.q] = joint.to.at(&whole);
+            after.qd[joint.v] = joint.rates.iter().map(|(v, c)| c * state.qd[*v]).sum();
+        }
+        after
+    }
+
+    /// R, for changes of a state of nv joints.
+    fn relabelling(&self, nv: usize) -> DMatrix<f64> {
+        let mut r = DMatrix::identity(2 * nv, 2 * nv);
+        for joint in &self.relabel {
+            for level in [0, nv] {
+                r.row_mut(level + joint.v).fill(0.0);
+                joint.rates.iter().for_each(|(v, c)| r[(level + joint.v, level + v)] += c);
+            }
+        }
+        r
+    }
+}
+
+impl Section {
+    /// As it is written.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Contact { name, .. } => format!("contact {name}"),
+            Self::Rising { formula, .. } => formula.clone(),
+            Self::After(period) => format!("period {period}"),
+        }
+    }
+}
+
+/// The touches of an impact.
+fn of_impact(event: &Event) -> &[usize] {
+    match &event.kind {
+        EventKind::Impact { touch, .. } | EventKind::Limit { touch, .. } | EventKind::Latch { touch } => std::slice::from_ref(touch),
+        EventKind::Several { touches, .. } => touches,
+        _ => &[],
+    }
+}
+
+fn told(event: &Event, touches: &[carom_sim::Touch]) -> String {
+    let named = event.named(touches);
+    let contacts: Vec<&str> = named.contact.into_iter().chain(named.contacts.iter().copied()).collect();
+    if contacts.is_empty() { named.kind.to_owned() } else { format!("{} {}", named.kind, contacts.join(" and ")) }
+}
+
+/// Looks for the first passage of a function through zero, upwards, after it was below.
+struct Crossing<'s> {
+    section: &'s Section,
+    /// The largest size of the function.
+    size: f64,
+    below: bool,
+    found: Option<f64>,
+    rate: f64,
+}
+
+impl<'s> Crossing<'s> {
+    fn new(section: &'s Section) -> Self {
+        Self { section, size: 0.0, below: false, found: None, rate: 0.0 }
+    }
+
+    fn at(&self, state: &[f64]) -> f64 {
+        match self.section {
+            Section::Rising { function, .. } => function.at(state),
+            _ => 0.0,
+        }
+    }
+
+    fn value(&self, moment: &Moment) -> f64 {
+        self.at(&[moment.q.as_slice(), &moment.qd].concat())
+    }
+
+    fn look(&mut self, segment: &Segment) {
+        /// A start on the section is below or above it by rounding.
+        const ROUNDING: f64 = 1e-9;
+        if self.found.is_some() {
+            return;
+        }
+        let count = segment.states.len();
+        let span = segment.end - segment.start;
+        // The polynomial of a segment has fewer extremes than nodes.
+        let times = (0..=2 * count).map(|k| segment.start + span * k as f64 / (2 * count) as f64);
+        let mut last = segment.start;
+        for time in times {
+            let value = self.at(&segment.at(time));
+            self.size = self.size.max(value.abs());
+            if self.below && value >= 0.0 {
+                let (mut low, mut high) = (last, time);
+                while high - low > f64::EPSILON * high.abs().max(span) {
+                    let middle = 0.5 * (low + high);
+                    if middle <= low || middle >= high {
+                        break;
+                    }
+                    if self.at(&segment.at(middle)) < 0.0 { low = middle } else { high = middle }
+                }
+                let step = 1e-4 * span;
+                let (before, after) = ((high - step).max(segment.start), (high + step).min(segment.end));
+                self.rate = (self.at(&segment.at(after)) - self.at(&segment.at(before))) / (after - before);
+                self.found = Some(high);
+                return;
+            }
+            self.below |= value < -ROUNDING * self.size;
+            last = time;
+        }
+    }
+}
+
+/// The states on the section that follow one another, without Newton's method: see [`Problem::cycle`].
+pub struct Cycle<'p> {
+    problem: &'p Problem,
+    plan: Plan,
+    state: State,
+}
+
+impl Iterator for Cycle<'_> {
+    type Item = Result<State, OrbitError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let period = self.problem.period(&self.plan, &self.state);
+        Some(period.map(|period| {
+            self.state.clone_from(&period.end);
+            period.end
+        }))
+    }
+}
+
+impl Problem {
+    /// The states P(x), P(P(x)), … at a value of the parameter, which has no effect on a problem without one: by runs alone.
+    ///
+    /// # Errors
+    /// [`OrbitError`] of the scene; the items are those of the runs.
+    pub fn cycle(&self, parameter: f64, start: State) -> Result<Cycle<'_>, OrbitError> {
+        Ok(Cycle { problem: self, plan: self.plan(Some(parameter))?, state: start })
+    }
+}

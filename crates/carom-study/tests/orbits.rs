@@ -1,0 +1,371 @@
+//! Periodic orbits: references of the literature and closed forms, and that iteration of the map agrees with Newton's method.
+
+use carom_study::orbit::{Orbit, OrbitError, Problem, Stability};
+use carom_testing::files::{Folder, path};
+use std::f64::consts::{PI, TAU};
+use std::fmt::Write;
+use std::ops::Deref;
+
+#[track_caller]
+fn close(what: &str, found: f64, expected: f64, tolerance: f64) {
+    assert!((found - expected).abs() <= tolerance, "{what}: {found} instead of {expected}");
+}
+
+/// A problem with the folder of its files.
+struct Case(Problem, #[expect(dead_code)] Folder);
+
+impl Deref for Case {
+    type Target = Problem;
+
+    fn deref(&self) -> &Problem {
+        &self.0
+    }
+}
+
+/// A problem whose files are these texts.
+fn problem(robot: &str, scene: &str, keys: &str) -> Result<Case, OrbitError> {
+    let folder = Folder::new();
+    for (name, text) in [("robot.urdf", robot), ("scene.toml", scene)] {
+        std::fs::write(folder.0.join(name), text).unwrap();
+    }
+    Ok(Case(Problem::from_toml(&format!("scene = \"scene.toml\"\n{keys}"), &folder.0)?, folder))
+}
+
+/// A link with a point mass.
+fn mass(name: &str, mass: f64, below: f64, inertia: f64) -> String {
+    format!(
+        r#"<link name="{name}"><inertial><origin xyz="0 0 {}"/><mass value="{mass}"/>
+           <inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/></inertial>FEET</link>"#,
+        -below
+    )
+}
+
+fn joint(name: &str, kind: &str, [parent, child]: [&str; 2], axis: &str) -> String {
+    let limit = if kind == "prismatic" { r#"<limit effort="0" velocity="100"/>"# } else { "" };
+    format!(
+        r#"<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>{limit}</joint>"#
+    )
+}
+
+/// A point as good as without size.
+fn foot(at: [f64; 3]) -> String {
+    let [x, y, z] = at;
+    format!(r#"<collision><origin xyz="{x} {y} {z}"/><geometry><sphere radius="1e-12"/></geometry></collision>"#)
+}
+
+/// Two legs of length 1 with these masses at the hip and in each leg, `below` the hip.
+fn biped(hip: f64, leg: f64, below: f64) -> String {
+    let mut urdf = String::from(r#"<robot name="biped"><link name="ground"/><link name="rail"/>"#);
+    urdf += &joint("x", "prismatic", ["ground", "rail"], "1 0 0");
+    urdf += &mass("hip", hip, 0.0, 0.0).replace("FEET", "");
+    urdf += &joint("z", "prismatic", ["rail", "hip"], "0 0 1");
+    for side in ["left", "right"] {
+        urdf += &mass(&format!("{side}_leg"), leg, below, 0.0).replace("FEET", &foot([0.0, 0.0, -1.0]));
+        urdf += &joint(side, "continuous", ["hip", &format!("{side}_leg")], "0 1 0");
+    }
+    urdf + "</robot>"
+}
+
+/// The walk of a biped down a slope, from a stance angle, its rate and that of the swing leg.
+fn walk(gravity: f64, slope: f64, [stance, rate, swing]: [f64; 3]) -> String {
+    let (sin, cos) = stance.sin_cos();
+    format!(
+        r#"
+[robot]
+urdf = "robot.urdf"
+tip = "hip"
+q = {{ x = 0, z = {cos}, left = {stance}, right = {} }}
+qd = [{}, {}, {rate}, {swing}]
+[[surface]]
+name = "slope"
+shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}
+[contact]
+restitution = 0
+friction = 1
+[[contact.pair]]
+link = "left_leg"
+closes_while = "right"
+[[contact.pair]]
+link = "right_leg"
+closes_while = "left"
+[run]
+duration = 8
+gravity = [{}, 0, {}]"#,
+        -stance,
+        rate * cos,
+        -rate * sin,
+        gravity * slope.sin(),
+        -gravity * slope.cos()
+    )
+}
+
+const STEP: &str = r#"
+section.contact = "right_leg"
+orbit.modulo = ["x"]
+orbit.relabel = { left = "right", right = "left" }
+"#;
+
+/// The multipliers that are not zero.
+fn nonzero(orbit: &Orbit) -> Vec<[f64; 2]> {
+    orbit.multipliers.iter().filter(|x| x.norm() > 1e-6).map(|x| [x.re, x.im]).collect()
+}
+
+/// External truth: Goswami, Thuilot & Espiau (1998), with more digits by an independent integration (scipy, tolerance 1e-13).
+#[test]
+fn the_compass_gait_has_the_published_cycle_and_multipliers() {
+    type Case = (f64, [f64; 4], [[f64; 2]; 3]);
+    let cases: [Case; 2] = [
+        (
+            3.0,
+            [-0.218668802939, 1.092383589884, 0.377373948907, 0.734346391159],
+            [[-0.19972613, 0.54447606], [-0.19972613, -0.54447606], [0.13157262, 0.0]],
+        ),
+        (
+            2.0,
+            [-0.201356778725, 1.012638104257, 0.519189049368, 0.719652212362],
+            [[0.09804256, 0.58438725], [0.09804256, -0.58438725], [0.1604889, 0.0]],
+        ),
+    ];
+    for (degrees, [angle, rate, swing, time], multipliers) in cases {
+        let slope = f64::to_radians(degrees);
+        let near = [angle - slope + 3e-3, rate - 0.01, swing + 0.01];
+        let problem = problem(&biped(10.0, 5.0, 0.5), &walk(9.81, slope, near), STEP).unwrap();
+        let orbit = problem.find().unwrap();
+        close("angle", orbit.start.q[2] + slope, angle, 2e-12);
+        close("rate", orbit.start.qd[2], rate, 2e-11);
+        close("swing", orbit.start.qd[3], swing, 2e-11);
+        close("time", orbit.period, time, 2e-12);
+        assert_eq!(orbit.stability, Stability::Stable);
+        let found = nonzero(&orbit);
+        assert_eq!(found.len(), 3, "{:?}", orbit.multipliers);
+        for (found, expected) in found.iter().zip(&multipliers) {
+            (0..2).for_each(|k| close("multiplier", found[k], expected[k], 1e-8));
+        }
+    }
+}
+
+/// External truth: Garcia et al. (1998), with more digits by an independent integration. Its feet have no mass: three small masses are
+/// extrapolated by a parabola.
+#[test]
+fn the_limit_of_light_feet_is_the_simplest_walker() {
+    let masses = [1e-3, 1e-4, 1e-5];
+    let vary = "vary = { parameter = \"slope\", from = 0.0145, to = 0.0155, set = { \"run.gravity[0]\" = \"sin(slope)\", \
+                \"run.gravity[2]\" = \"-cos(slope)\" } }";
+    let mut columns = Vec::new();
+    for mass in masses {
+        let (stance, rate) = (-0.2003109, 0.1998325);
+        let scene = walk(1.0, 0.009, [stance, rate, rate * (2.0 * stance).cos()]);
+        let orbit = problem(&biped(1.0, mass, 1.0), &scene, STEP).unwrap().find().unwrap();
+        let pair = nonzero(&orbit)[0];
+        let (stance, rate) = (-0.2346, 0.2322);
+        let scene = walk(1.0, 0.0145, [stance, rate, rate * (2.0 * stance).cos()]);
+        let branch = problem(&biped(1.0, mass, 1.0), &scene, &format!("{STEP}{vary}")).unwrap().branch().unwrap();
+        let flips: Vec<f64> = branch.special.iter().filter(|it| it.kind == "flip").map(|it| it.parameter).collect();
+        assert_eq!(flips.len(), 1, "{:?}", branch.special);
+        columns.push([-orbit.start.q[2], orbit.start.qd[2], orbit.period, pair[0], pair[1], flips[0]]);
+    }
+    let limit = |k: usize| {
+        let weight = |i: usize| -> f64 {
+            let others = (0..3).filter(|j| *j != i);
+            others.map(|j| masses[j] / (masses[j] - masses[i])).product()
+        };
+        (0..3).map(|i| weight(i) * columns[i][k]).sum::<f64>()
+    };
+    let expected = [0.2003109005443, 0.1998324730050, 3.882463752851, -0.19009984, 0.55759878, 0.015088438];
+    // The error of the parabola is of third order in the masses, 1e-9 of its coefficient.
+    let tolerances = [2e-10, 2e-10, 2e-8, 2e-7, 2e-7, 2e-9];
+    for (k, (expected, tolerance)) in expected.into_iter().zip(tolerances).enumerate() {
+        close(&format!("number {k}"), limit(k), expected, tolerance);
+    }
+}
+
+/// Closed form: with legs of length l at angles 2α on a slope γ ω² just after an impact is cos²2α · 4 (g/l) sin α sin γ/(1 − cos²2α), and
+/// the multiplier of ω is cos²2α of ω², which is that of ω, too, on the cycle. With a moment of inertia J at the hub an impact
+/// multiplies ω by (J + m l² cos 2α)/(J + m l²).
+#[test]
+fn the_rimless_wheel_rolls_as_its_closed_form() {
+    let (spokes, slope, g) = (8, 0.1_f64, 9.81);
+    let alpha = PI / spokes as f64;
+    for inertia in [0.02, 0.2] {
+        let mut feet = String::new();
+        for k in 0..spokes {
+            let angle = alpha + 2.0 * alpha * k as f64;
+            feet += &foot([angle.sin(), 0.0, -angle.cos()]);
+        }
+        let mut urdf = String::from(r#"<robot name="wheel"><link name="ground"/><link name="rail"/><link name="post"/>"#);
+        urdf += &joint("x", "prismatic", ["ground", "rail"], "1 0 0");
+        urdf += &joint("z", "prismatic", ["rail", "post"], "0 0 1");
+        urdf += &mass("wheel", 1.0, 0.0, inertia).replace("FEET", &feet);
+        urdf += &joint("pitch", "continuous", ["post", "wheel"], "0 1 0");
+        urdf += "</robot>";
+        let factor = (inertia + (2.0 * alpha).cos()) / (inertia + 1.0);
+        // Energy of a step: (1 + J) (ω₁² − ω₀²)/2 = g (cos(α − γ) − cos(α + γ)).
+        let gained = 4.0 * g * alpha.sin() * slope.sin() / (1.0 + inertia);
+        let omega = (factor * factor * gained / (1.0 - factor * factor)).sqrt();
+        // At pitch 0 two spokes stand on the floor; the wheel turns about the front one.
+        let guess = 1.05 * omega;
+        let (vx, vz) = (guess * alpha.cos(), guess * alpha.sin());
+        let scene = format!(
+            r#"
+[robot]
+urdf = "robot.urdf"
+tip = "wheel"
+q = [0, {}, 0]
+qd = [{vx}, {vz}, {guess}]
+[[surface]]
+name = "slope"
+shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}
+[contact]
+restitution = 0
+friction = 2
+[run]
+duration = 5
+gravity = [{}, 0, {}]"#,
+            alpha.cos(),
+            g * slope.sin(),
+            -g * slope.cos()
+        );
+        let keys = format!(
+            "section.contact = \"wheel\"\norbit.modulo = [\"x\"]\norbit.relabel = {{ pitch = \"pitch - {}\" }}",
+            2.0 * alpha
+        );
+        let orbit = problem(&urdf, &scene, &keys).unwrap().find().unwrap();
+        close("rate", orbit.start.qd[2], omega, 1e-10);
+        assert_eq!(nonzero(&orbit).len(), 1, "{:?}", orbit.multipliers);
+        close("multiplier", orbit.multipliers[0].re, factor * factor, 1e-8);
+    }
+}
+
+/// A ball of restitution e on a table that moves as A sin ωt, one bounce in each period; Γ = A ω²/g.
+fn shaken(e: f64, from: f64, to: f64, passages: usize) -> Result<Case, OrbitError> {
+    let (g, omega) = (9.81, 20.0 * PI);
+    let period = TAU / omega;
+    let amplitude = from * g / (omega * omega);
+    // The ball leaves with g T/2 where the table rises with (1 − e)/(1 + e) g T/2.
+    let phase = (0.5 * g * period * (1.0 - e) / (1.0 + e) / (amplitude * omega)).acos();
+    // The table is at phase π at the start, so that it strikes the ball in the second half of a period.
+    let since = 0.5 * period - phase / omega;
+    let (z, v) = (amplitude * phase.sin() + 0.5 * g * period * since - 0.5 * g * since * since, 0.5 * g * period - g * since);
+    let urdf = String::from(r#"<robot name="juggled"><link name="ground"/>"#)
+        + &mass("ball", 1.0, 0.0, 0.1).replace("FEET", &foot([0.0; 3]))
+        + &joint("z", "prismatic", ["ground", "ball"], "0 0 1")
+        + "</robot>";
+    let scene = format!(
+        r#"
+[robot]
+urdf = "robot.urdf"
+tip = "ball"
+q = [{z}]
+qd = [{v}]
+[[surface]]
+name = "table"
+shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}
+motion = {{ amplitude = [0, 0, {amplitude}], frequency = 10, phase = {PI} }}
+[contact]
+law = "newton"
+restitution = {e}
+[run]
+duration = 1
+gravity = [0, 0, -{g}]"#
+    );
+    let keys = format!(
+        "section.period = {period}\norbit.passages = {passages}\nvary = {{ parameter = \"gamma\", from = {from}, to = {to}, \
+         set = {{ \"surface[0].motion.amplitude[2]\" = \"{}*gamma\" }} }}",
+        g / (omega * omega)
+    );
+    problem(&urdf, &scene, &keys)
+}
+
+/// Closed forms: the period doubles at Γ² = (2(1+e²)/(1+e)²)² + (π(1−e)/(1+e))², the orbit is born in a fold at Γ = π(1−e)/(1+e), and its
+/// multipliers have the product e².
+#[test]
+fn a_ball_on_a_shaken_table_has_the_closed_form_fold_and_flip() {
+    for e in [0.5_f64, 0.8] {
+        let fold = PI * (1.0 - e) / (1.0 + e);
+        let flip = (2.0 * (1.0 + e * e) / (1.0 + e).powi(2)).hypot(fold);
+        let start = 0.6 * fold + 0.4 * flip;
+        let up = shaken(e, start, 1.05 * flip, 1).unwrap().branch().unwrap();
+        let product: f64 = up.points[0].orbit.multipliers.iter().map(|x| x.norm()).product();
+        close("product", product, e * e, 1e-9);
+        let found = |branch: &carom_study::orbit::Branch, kind: &str| {
+            let all: Vec<f64> = branch.special.iter().filter(|it| it.kind == kind).map(|it| it.parameter).collect();
+            assert_eq!(all.len(), 1, "{kind}: {:?} {}", branch.special, branch.end);
+            all[0]
+        };
+        close("flip", found(&up, "flip"), flip, 1e-8);
+        let down = shaken(e, start, 0.5 * fold, 1).unwrap().branch().unwrap();
+        close("fold", found(&down, "fold"), fold, 1e-8);
+    }
+}
+
+/// A second route: iteration of the map converges to the orbit where it is stable, and leaves it where it is not.
+#[test]
+fn iteration_converges_to_stable_orbits_and_leaves_unstable_ones() {
+    let (e, fold) = (0.5_f64, PI / 3.0);
+    let flip = (2.0 * (1.0 + e * e) / (1.0 + e).powi(2)).hypot(fold);
+    for (gamma, stability) in [(0.9 * flip, Stability::Stable), (1.02 * flip, Stability::Unstable)] {
+        let problem = shaken(e, gamma, 2.0 * gamma, 1).unwrap();
+        let orbit = problem.find().unwrap();
+        assert_eq!(orbit.stability, stability, "{:?}", orbit.multipliers);
+        // One step multiplies a change by DP.
+        let mut start = orbit.start.clone();
+        start.qd[0] += 1e-6;
+        let disturbed = problem.cycle(gamma, start).unwrap().next().unwrap().unwrap();
+        for k in 0..2 {
+            let found = if k == 0 { disturbed.q[0] - orbit.start.q[0] } else { disturbed.qd[0] - orbit.start.qd[0] };
+            close("DP", found / 1e-6, orbit.map[(k, 1)], 1e-4 * orbit.map[(1, 1)].abs());
+        }
+        let mut start = orbit.start.clone();
+        start.qd[0] += 1e-4;
+        let last = problem.cycle(gamma, start).unwrap().nth(400).unwrap().unwrap();
+        let far = (last.qd[0] - orbit.start.qd[0]).abs();
+        match stability {
+            Stability::Stable => assert!(far < 1e-9, "{far}"),
+            _ => assert!(far > 1e-3, "{far}"),
+        }
+    }
+    // Above the flip the orbit of twice the period is stable, and iteration reaches it.
+    let problem = shaken(e, 1.02 * flip, 2.0 * flip, 2).unwrap();
+    let mut start = problem.find().unwrap().start;
+    start.qd[0] += 1e-2;
+    let far = problem.cycle(1.02 * flip, start).unwrap().nth(300).unwrap().unwrap();
+    let next = problem.cycle(1.02 * flip, far.clone()).unwrap().next().unwrap().unwrap();
+    close("twice the period", next.qd[0], far.qd[0], 1e-9);
+}
+
+/// What is wrong is told with the key, the value and what there is.
+#[test]
+fn wrong_problems_are_refused_with_key_value_and_rule() {
+    let scene = walk(9.81, 0.05, [-0.27, 1.09, 0.38]);
+    let cases = [
+        ("section = {}", "[section] needs one of contact"),
+        ("section.contact = \"tail\"", "contact = \"tail\" is no contact"),
+        ("section.rising = \"left*right\"", "is not linear"),
+        ("section.rising = \"knee\"", "has no variable 'knee'"),
+        ("section.period = -1", "period = -1: it must be positive"),
+        ("section.contact = \"left_leg\"\norbit.modulo = [\"y\"]", "modulo has 'y'"),
+        ("section.contact = \"left_leg\"\norbit.relabel = { left = \"tail\" }", "has no variable 'tail'"),
+        ("section.contact = \"left_leg\"\norbit.passages = 0", "passages = 0: it must be 1 or more"),
+        ("section.contact = \"left_leg\"\norbit.cycle = 3", "unknown field `cycle`"),
+        ("section.contact = \"left_leg\"\nvary = { parameter = \"run.speed\", from = 0, to = 1 }", "run.speed"),
+    ];
+    for (keys, told) in cases {
+        let error = problem(&biped(10.0, 5.0, 0.5), &scene, keys).err().map(|e| e.to_string()).unwrap_or_default();
+        assert!(error.contains(told), "{keys}: {error}");
+    }
+    // A section that is never reached names itself and what was seen.
+    let error = problem(&biped(10.0, 5.0, 0.5), &scene, "section.rising = \"z - 5\"").unwrap().find().unwrap_err();
+    let mut told = String::new();
+    write!(told, "{error}").unwrap();
+    assert!(told.contains("rising z - 5") && told.contains("within 8 s"), "{told}");
+}
+
+/// The study of the book.
+#[test]
+fn the_compass_study_finds_its_flip() {
+    let branch = Problem::from_file(path("studies/compass.toml")).unwrap().branch().unwrap();
+    let flips: Vec<f64> = branch.special.iter().filter(|it| it.kind == "flip").map(|it| it.parameter).collect();
+    assert_eq!(flips.len(), 1, "{:?}", branch.special);
+    close("flip", flips[0], 4.3908982, 1e-6);
+    assert!(branch.end.contains("the end of the range"), "{}", branch.end);
+}
