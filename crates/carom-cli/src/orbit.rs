@@ -93,7 +93,9 @@ impl OrbitCommand {
         let outputs = Outputs::of(&self.out, kinds)?;
         self.record.check(outputs.recording.as_deref())?;
         if self.record.is_asked() && (self.branch || self.cycles.is_some()) {
-            return Err(CliError::Option("--connect and --spawn record one orbit: leave out --branch and --cycles".into()));
+            return Err(CliError::Option(
+                "--connect and --spawn record one orbit: leave out --branch and --cycles".into(),
+            ));
         }
         let problem = Problem::from_file(&self.problem).map_err(|e| self.refuse(e))?;
         for warning in &problem.warnings {
@@ -110,7 +112,11 @@ impl OrbitCommand {
             }
             let written = answer(out, &done, self.json, |done, out| {
                 writeln!(out, "{} cycles at {} values of {}", done.rows, done.values, problem.parameter_name())?;
-                if done.failed > 0 { writeln!(out, "at {} values the motion does not return to the section", done.failed) } else { Ok(()) }
+                if done.failed > 0 {
+                    writeln!(out, "at {} values the motion does not return to the section", done.failed)
+                } else {
+                    Ok(())
+                }
             });
             return written.map_err(|refused| CliError::refused(&self.problem, refused));
         }
@@ -122,8 +128,13 @@ impl OrbitCommand {
             table.finish()?;
             if let Some(path) = &outputs.picture {
                 let Some(svg) = branch.diagram(&columns, &self.show).and_then(|diagram| diagram.svg()) else {
-                    let names: Vec<&str> = columns.iter().filter(|it| it.words.is_empty()).map(|it| it.name.as_str()).collect();
-                    return Err(CliError::Option(format!("--show {}: the columns of the branch are {}", self.show, names.join(", "))));
+                    let names: Vec<&str> =
+                        columns.iter().filter(|it| it.words.is_empty()).map(|it| it.name.as_str()).collect();
+                    return Err(CliError::Option(format!(
+                        "--show {}: the columns of the branch are {}",
+                        self.show,
+                        names.join(", ")
+                    )));
                 };
                 write_whole(path, &svg)?;
             }
@@ -181,11 +192,16 @@ impl OrbitCommand {
         let [from, to] = match problem.range() {
             Some(range) => range,
             None if self.values == 1 => [f64::NAN; 2],
-            None => return Err(CliError::Option("--values: the problem has no [vary]: give it parameter, from and to".into())),
+            None => {
+                return Err(CliError::Option(
+                    "--values: the problem has no [vary]: give it parameter, from and to".into(),
+                ));
+            }
         };
         let columns = problem.cycle_columns();
         let mut table = Tables::begin(tables.iter().copied(), &columns, &problem.scene.text)?;
-        let value = |k: u64| if self.values == 1 { from } else { from + (to - from) * k as f64 / (self.values - 1) as f64 };
+        let value =
+            |k: u64| if self.values == 1 { from } else { from + (to - from) * k as f64 / (self.values - 1) as f64 };
         let bar = progress(self.values, "{elapsed:>5} {bar:30} {pos}/{len} values");
         let mut done = Cycles { values: self.values, rows: 0, failed: 0 };
         // Of so many values at a time, so that memory does not grow with their number.
@@ -219,7 +235,11 @@ impl OrbitCommand {
 
 fn print_orbit(orbit: &Orbit, names: &[String], out: &mut dyn Write) -> io::Result<()> {
     let what = orbit.stability.name();
-    writeln!(out, "{what} orbit of period {} s, found in {} steps; P(x) - x is {:.0e}", orbit.period, orbit.iterations, orbit.residual)?;
+    writeln!(
+        out,
+        "{what} orbit of period {} s, found in {} steps; P(x) - x is {:.0e}",
+        orbit.period, orbit.iterations, orbit.residual
+    )?;
     writeln!(out)?;
     writeln!(out, "state on the section:")?;
     let numbers = orbit.start.q.iter().chain(&orbit.start.qd);
@@ -236,7 +256,11 @@ fn print_orbit(orbit: &Orbit, names: &[String], out: &mut dyn Write) -> io::Resu
     writeln!(out, "multipliers, of small disturbances in each period:")?;
     let counts = orbit.multipliers.iter().take_while(|x| x.norm() > ZERO).count();
     for x in &orbit.multipliers[..counts] {
-        let imaginary = if x.im == 0.0 { String::new() } else { format!(" {} {:.9} i", if x.im < 0.0 { '-' } else { '+' }, x.im.abs()) };
+        let imaginary = if x.im == 0.0 {
+            String::new()
+        } else {
+            format!(" {} {:.9} i", if x.im < 0.0 { '-' } else { '+' }, x.im.abs())
+        };
         writeln!(out, "  {:>12.9}{imaginary:18}  |.| {:.9}", x.re, x.norm())?;
     }
     match orbit.multipliers.len() - counts {
@@ -255,8 +279,18 @@ fn print_branch(branch: &Branch, out: &mut dyn Write) -> io::Result<()> {
         let orbit = &point.orbit;
         let largest = orbit.multipliers.first().copied().unwrap_or_default();
         let sign = if largest.im < 0.0 { '-' } else { '+' };
-        let text = if largest.im == 0.0 { format!("{:.6}", largest.re) } else { format!("{:.6} {sign} {:.6} i", largest.re, largest.im.abs()) };
-        writeln!(out, "{:>14}  {:>14.9}  {text:>26}  {}", brief(point.parameter), orbit.period, orbit.stability.name())?;
+        let text = if largest.im == 0.0 {
+            format!("{:.6}", largest.re)
+        } else {
+            format!("{:.6} {sign} {:.6} i", largest.re, largest.im.abs())
+        };
+        writeln!(
+            out,
+            "{:>14}  {:>14.9}  {text:>26}  {}",
+            brief(point.parameter),
+            orbit.period,
+            orbit.stability.name()
+        )?;
     }
     writeln!(out)?;
     for Special { kind, parameter, what, .. } in &branch.special {

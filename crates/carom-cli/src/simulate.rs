@@ -404,7 +404,11 @@ pub struct Tables {
 }
 
 impl Tables {
-    pub fn begin<'a>(paths: impl IntoIterator<Item = &'a Path>, columns: &[Column], scene: &str) -> Result<Self, CliError> {
+    pub fn begin<'a>(
+        paths: impl IntoIterator<Item = &'a Path>,
+        columns: &[Column],
+        scene: &str,
+    ) -> Result<Self, CliError> {
         let tables = paths.into_iter().map(|path| Table::create_with(path, columns));
         let mut tables = tables.collect::<Result<Vec<_>, _>>()?;
         tables.iter_mut().for_each(|table| table.describe(SCENE_KEY, scene));

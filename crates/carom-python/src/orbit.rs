@@ -57,12 +57,7 @@ impl Given {
 ///     SimulationError: an invalid scene, or a run that fails.
 #[pyfunction]
 #[pyo3(signature = (problem, *, branch=false, folder=PathBuf::from(".")))]
-pub fn orbit<'py>(
-    py: Python<'py>,
-    problem: &Bound<'py, PyAny>,
-    branch: bool,
-    folder: PathBuf,
-) -> PyResult<Array<'py>> {
+pub fn orbit<'py>(py: Python<'py>, problem: &Bound<'py, PyAny>, branch: bool, folder: PathBuf) -> PyResult<Array<'py>> {
     let given = Given::of(problem, folder)?;
     if branch {
         let found = left_behind(py, move |stop| given.read(stop)?.branch())?;

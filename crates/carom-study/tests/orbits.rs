@@ -192,7 +192,8 @@ fn the_rimless_wheel_rolls_as_its_closed_form() {
             let angle = alpha + 2.0 * alpha * k as f64;
             feet += &foot([angle.sin(), 0.0, -angle.cos()]);
         }
-        let mut urdf = String::from(r#"<robot name="wheel"><link name="ground"/><link name="rail"/><link name="post"/>"#);
+        let mut urdf =
+            String::from(r#"<robot name="wheel"><link name="ground"/><link name="rail"/><link name="post"/>"#);
         urdf += &joint("x", "prismatic", ["ground", "rail"], "1 0 0");
         urdf += &joint("z", "prismatic", ["rail", "post"], "0 0 1");
         urdf += &mass("wheel", 1.0, 0.0, inertia).replace("FEET", &feet);
@@ -245,7 +246,8 @@ fn shaken(e: f64, from: f64, to: f64, passages: usize) -> Result<Case, OrbitErro
     let phase = (0.5 * g * period * (1.0 - e) / (1.0 + e) / (amplitude * omega)).acos();
     // The table is at phase π at the start, so that it strikes the ball in the second half of a period.
     let since = 0.5 * period - phase / omega;
-    let (z, v) = (amplitude * phase.sin() + 0.5 * g * period * since - 0.5 * g * since * since, 0.5 * g * period - g * since);
+    let (z, v) =
+        (amplitude * phase.sin() + 0.5 * g * period * since - 0.5 * g * since * since, 0.5 * g * period - g * since);
     let urdf = String::from(r#"<robot name="juggled"><link name="ground"/>"#)
         + &mass("ball", 1.0, 0.0, 0.1).replace("FEET", &foot([0.0; 3]))
         + &joint("z", "prismatic", ["ground", "ball"], "0 0 1")

@@ -22,9 +22,12 @@ impl ClosesWhile {
     pub fn of(formula: &str, chain: &Chain) -> Result<Self, String> {
         let value = LinearFunction::of(formula, chain)?;
         let nq = chain.nq();
-        let joint = |k: usize| chain.joints().iter().find_map(|joint| chain.coordinate_of(joint).filter(|at| at.q == k));
+        let joint =
+            |k: usize| chain.joints().iter().find_map(|joint| chain.coordinate_of(joint).filter(|at| at.q == k));
         if value.terms.is_empty() || value.terms.iter().any(|(k, _)| *k >= nq || joint(*k).is_none()) {
-            return Err(format!("\"{formula}\" must be a function of joints with one coordinate, such as left - right"));
+            return Err(format!(
+                "\"{formula}\" must be a function of joints with one coordinate, such as left - right"
+            ));
         }
         let terms = value.terms.iter().filter_map(|(k, c)| Some((nq + joint(*k)?.v, *c))).collect();
         Ok(Self { formula: formula.to_owned(), value, rate: LinearFunction { terms, constant: 0.0 } })

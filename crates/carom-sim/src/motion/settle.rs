@@ -32,7 +32,9 @@ impl<A: Space> Motion<'_, A> {
     ) -> Result<bool, SimError> {
         let (nq, nv) = (self.sim.chain.nq(), self.sim.chain.nv());
         let mut changed = self.close_loops(y)?;
-        if !closed.iter().chain(lasting).any(Lasting::is_rigid) && !self.active.dry.iter().any(|joint| joint.state == Dry::Holds) {
+        if !closed.iter().chain(lasting).any(Lasting::is_rigid)
+            && !self.active.dry.iter().any(|joint| joint.state == Dry::Holds)
+        {
             return Ok(changed);
         }
         // The velocities at the new configuration.

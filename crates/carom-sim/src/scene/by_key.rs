@@ -20,7 +20,7 @@ impl Scene {
             size = path::add(keys, path, change).map_err(|why| of_key(path, &why))?;
             Ok(())
         })?;
-        Ok((size, scene))
+        Ok((size, Self { duration: self.duration, ..scene }))
     }
 
     /// The same scene with these numbers at the paths of keys of the file. The duration is that of this scene, and the start that of the
@@ -29,8 +29,25 @@ impl Scene {
     /// # Errors
     /// As [`Scene::with_number`].
     pub fn with_values(&self, values: &[(String, f64)]) -> Result<Self, SimError> {
-        self.with_keys(|keys| {
+        let scene = self.with_keys(|keys| {
             values.iter().try_for_each(|(path, value)| path::set(keys, path, *value).map_err(|why| of_key(path, &why)))
+        });
+        Ok(Self { duration: self.duration, ..scene? })
+    }
+
+    /// The scene of the file with other values at the paths of keys.
+    ///
+    /// # Errors
+    /// As [`Scene::from_toml`]; a path that leads nowhere.
+    #[doc(hidden)]
+    pub fn with_entries(&self, values: &toml::Table) -> Result<Self, SimError> {
+        self.with_keys(|keys| {
+            values.iter().try_for_each(|(path, value)| {
+                let own = |why: String| of_key(path, &why);
+                let (at, part) = path::place(keys, path).map_err(own)?;
+                *path::entry(at, part, path).map_err(own)? = value.clone();
+                Ok(())
+            })
         })
     }
 
@@ -38,7 +55,7 @@ impl Scene {
         let mut keys: toml::Table = self.text.parse().map_err(|e: toml::de::Error| refuse(e.to_string()))?;
         change(&mut keys)?;
         let text = toml::to_string(&keys).map_err(|e| refuse(e.to_string()))?;
-        Ok(Self { duration: self.duration, ..Self::from_toml(&text, &self.folder)? })
+        Self::from_toml(&text, &self.folder)
     }
 
     /// The number at the path of a key of the file as a parameter: `contact.friction`, `robot.mass.hand`, `surface[0].restitution`.

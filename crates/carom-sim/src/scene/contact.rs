@@ -3,7 +3,8 @@
 use super::file::{self, All, Contact, ContactKeys, Links, Pair, Restitution, Softness};
 use super::keys::Table;
 use crate::contact::{
-    ClosesWhile, Compliance, ContactLaw, ContactRule, Holding, SeveralLaw, Surface, Touch, Touches, Yielding, are_disabled, robot_of,
+    ClosesWhile, Compliance, ContactLaw, ContactRule, Holding, SeveralLaw, Surface, Touch, Touches, Yielding,
+    are_disabled, robot_of,
 };
 use crate::error::SimError;
 use carom_chain::Chain;

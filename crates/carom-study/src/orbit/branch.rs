@@ -72,7 +72,7 @@ struct Place {
 
 /// First, largest and smallest step, as shares of the range of the parameter.
 const FIRST: f64 = 0.02;
-const LONGEST: f64 = 0.1;
+const LONGEST: f64 = 0.05;
 const SHORTEST: f64 = 1e-7;
 /// A correction that takes this number of steps or fewer allows a longer one.
 const QUICK: usize = 4;
@@ -90,7 +90,10 @@ impl Problem {
     /// [`OrbitError`]: the problem has no parameter, or there is no orbit at the first value. A branch that ends later says why.
     pub fn branch(&self) -> Result<Branch, OrbitError> {
         let Some(vary) = self.vary.clone() else {
-            let (file, rule) = (self.files.first().map_or_else(String::new, |file| file.display().to_string()), "[vary] is missing: give it parameter, from and to");
+            let (file, rule) = (
+                self.files.first().map_or_else(String::new, |file| file.display().to_string()),
+                "[vary] is missing: give it parameter, from and to",
+            );
             return Err(OrbitError::File { file, rule: rule.into() });
         };
         let first = self.find()?;
@@ -195,7 +198,7 @@ impl Problem {
             let plan = self.plan(Some(value))?;
             let parameter = self.parameter(value);
             let look = self.look(&plan, x, parameter.as_ref())?;
-            if look.size <= self.converged() && (look.size > 0.1 * last || look.size <= f64::EPSILON || iteration > 2) {
+            if look.size <= self.converged() {
                 return Ok((self.place(vary, value, look, &here.direction)?, iteration));
             }
             if look.size > 10.0 * last {
@@ -249,7 +252,7 @@ impl Problem {
         ];
         for (kind, function, what) in functions {
             if function(here) * function(there) < 0.0 {
-                let value = self.between(vary, here, step, |place| function(place) * function(here).signum());
+                let value = self.between(vary, (here, there), step, |place| function(place) * function(here).signum());
                 // A function that jumps has no zero: a complex pair that becomes real.
                 if let Some(value) = value {
                     add(kind, value, what.into());
@@ -259,9 +262,15 @@ impl Problem {
     }
 
     /// The parameter at which a function that is positive at the start of a step becomes negative.
-    fn between(&self, vary: &Vary, here: &Place, step: f64, function: impl Fn(&Place) -> f64) -> Option<f64> {
+    fn between(
+        &self,
+        vary: &Vary,
+        (here, there): (&Place, &Place),
+        step: f64,
+        function: impl Fn(&Place) -> f64,
+    ) -> Option<f64> {
         let at = |s: f64| self.next(vary, here, s).ok().map(|(place, _)| (function(&place), place.value));
-        let (mut low, mut high) = ((0.0, function(here), here.value), (step, at(step)?.0, at(step)?.1));
+        let (mut low, mut high) = ((0.0, function(here), here.value), (step, function(there), there.value));
         for k in 0..STEPS {
             if high.0 - low.0 <= LOCATED {
                 break;
@@ -304,4 +313,3 @@ fn sequence(look: &Look) -> Vec<&str> {
 fn torus(multipliers: &[Complex<f64>]) -> f64 {
     multipliers.iter().filter(|x| x.im > 0.0).map(|x| x.norm() - 1.0).fold(-1.0, f64::max)
 }
-

@@ -134,6 +134,16 @@ pub enum OrbitError {
         /// The events that were seen.
         seen: String,
     },
+    /// A compliant contact presses at the section: what it remembers is no part of the state.
+    #[error(
+        "at the section ({section}) {touch} presses, and its force depends on its past: choose a section at which it is open"
+    )]
+    Presses {
+        /// The section.
+        section: String,
+        /// Name of the contact.
+        touch: String,
+    },
     /// The return map has no derivative.
     #[error("the return map has no derivative: at {time} s: {reason}")]
     NoDerivative {

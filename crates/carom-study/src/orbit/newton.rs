@@ -111,7 +111,10 @@ impl Problem {
         let map = here.found.by_state.select_rows(&unknown).select_columns(&unknown);
         let matrix = DMatrix::identity(unknown.len(), unknown.len()) - map;
         let least = FAMILY * matrix.amax();
-        let solved = matrix.svd(true, true).solve(&here.r.select_rows(&unknown), least).unwrap_or_else(|_| DVector::zeros(unknown.len()));
+        let solved = matrix
+            .svd(true, true)
+            .solve(&here.r.select_rows(&unknown), least)
+            .unwrap_or_else(|_| DVector::zeros(unknown.len()));
         let mut step = DVector::zeros(n);
         unknown.iter().zip(solved.iter()).for_each(|(k, x)| step[*k] = *x);
         step

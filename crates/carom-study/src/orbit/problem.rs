@@ -12,6 +12,8 @@ use std::path::{Path, PathBuf};
 #[serde(deny_unknown_fields)]
 struct File {
     scene: PathBuf,
+    #[serde(default)]
+    with: toml::Table,
     section: SectionKeys,
     #[serde(default)]
     orbit: OrbitKeys,
@@ -137,10 +139,16 @@ impl Problem {
     fn read(text: &str, name: String, folder: &Path) -> Result<Self, OrbitError> {
         let refuse = |rule: String| OrbitError::File { file: name.clone(), rule };
         let file: File = carom_sim::from_toml(text).map_err(refuse)?;
-        let scene = Scene::from_file(folder.join(&file.scene))?;
+        let mut scene = Scene::from_file(folder.join(&file.scene))?;
+        if !file.with.is_empty() {
+            let files = std::mem::take(&mut scene.files);
+            scene = Scene { files, ..scene.with_entries(&file.with)? };
+        }
         let plan = scene.plan()?;
         if plan.simulation.stepping {
-            return Err(refuse("scene: its [run] has method = \"time-steps\", and orbits need events: remove it".into()));
+            return Err(refuse(
+                "scene: its [run] has method = \"time-steps\", and orbits need events: remove it".into(),
+            ));
         }
         let chain = &plan.simulation.chain;
         let section = section(&file.section, &plan).map_err(|why| refuse(format!("[section] {why}")))?;
@@ -240,15 +248,22 @@ fn section(keys: &SectionKeys, plan: &Plan) -> Result<Section, String> {
     let SectionKeys { contact, rising, falling, period } = keys;
     let given = [contact.is_some(), rising.is_some(), falling.is_some(), period.is_some()];
     if given.iter().filter(|given| **given).count() != 1 {
-        return Err("needs one of contact (an impact), rising or falling (a function that passes zero), period (a time)".into());
+        return Err(
+            "needs one of contact (an impact), rising or falling (a function that passes zero), period (a time)".into(),
+        );
     }
     if let Some(name) = contact {
         let touches = &plan.simulation.touches;
-        let meant = |touch: &carom_sim::Touch| touch.name == *name || touch.link() == Some(name) || touch.limit_of() == Some(name);
+        let meant = |touch: &carom_sim::Touch| {
+            touch.name == *name || touch.link() == Some(name) || touch.limit_of() == Some(name)
+        };
         let found: Vec<usize> = (0..touches.len()).filter(|k| meant(&touches[*k])).collect();
         if found.is_empty() {
             let known: Vec<&str> = touches.iter().map(|touch| touch.name.as_str()).collect();
-            return Err(format!("contact = \"{name}\" is no contact, link or joint with limits: the contacts are {}", known.join(", ")));
+            return Err(format!(
+                "contact = \"{name}\" is no contact, link or joint with limits: the contacts are {}",
+                known.join(", ")
+            ));
         }
         return Ok(Section::Contact { name: name.clone(), touches: found });
     }
@@ -270,12 +285,15 @@ fn section(keys: &SectionKeys, plan: &Plan) -> Result<Section, String> {
 }
 
 fn relabelled(chain: &Chain, joint: &str, formula: &str) -> Result<Relabelled, String> {
-    let of_one = |joint: &str| chain.joints().iter().find(|own| own.name == joint).and_then(|own| chain.coordinate_of(own));
+    let of_one =
+        |joint: &str| chain.joints().iter().find(|own| own.name == joint).and_then(|own| chain.coordinate_of(own));
     let Some(own) = of_one(joint) else {
         return Err(format!("\"{formula}\": '{joint}' is no joint with one coordinate"));
     };
     let to = LinearFunction::of(formula, chain)?;
-    let v_of = |q: usize| chain.joints().iter().find_map(|joint| chain.coordinate_of(joint).filter(|at| at.q == q)).map(|at| at.v);
+    let v_of = |q: usize| {
+        chain.joints().iter().find_map(|joint| chain.coordinate_of(joint).filter(|at| at.q == q)).map(|at| at.v)
+    };
     let rates = to.terms.iter().map(|(k, c)| Some((v_of(*k).filter(|_| *k < chain.nq())?, *c)));
     let rates = rates.collect::<Option<Vec<_>>>();
     let rates = rates.ok_or_else(|| format!("\"{formula}\" must be a function of joints with one coordinate"))?;

@@ -142,25 +142,34 @@ impl Problem {
                     session.advance(time - before)?;
                     time -= seen.value(&session.moment()) / seen.rate;
                 }
-                return Ok(self.end_of(&session, from, events, count));
+                return self.end_of(&session, from, events, count);
             }
             count += own.len();
             events.extend(own);
             if ended {
-                return Ok(self.end_of(&session, from, events, count));
+                return self.end_of(&session, from, events, count);
             }
         }
         if matches!(self.section, Section::After(_)) {
-            return Ok(self.end_of(&session, from, events, count));
+            return self.end_of(&session, from, events, count);
         }
         let names: Vec<&str> = events.iter().take(5).map(|event| event.what.as_str()).collect();
-        let seen = if names.is_empty() { "no event was seen".into() } else { format!("seen were {}", names.join(", ")) };
+        let seen =
+            if names.is_empty() { "no event was seen".into() } else { format!("seen were {}", names.join(", ")) };
         Err(OrbitError::NoReturn { section: self.section.name(), longest, seen })
     }
 
-    fn end_of(&self, session: &Session, from: f64, events: Vec<Happened>, count: usize) -> Passage {
+    fn end_of(&self, session: &Session, from: f64, events: Vec<Happened>, count: usize) -> Result<Passage, OrbitError> {
+        let touches = &session.simulation().touches;
+        if touches.iter().any(|touch| touch.contact.compliance.is_some()) {
+            let presses = |touch: &usize| touches[*touch].contact.compliance.is_some();
+            if let Some(touch) = session.contacts()?.iter().map(|it| it.touch).find(presses) {
+                let touch = touches[touch].name.clone();
+                return Err(OrbitError::Presses { section: self.section.name(), touch });
+            }
+        }
         let Moment { time, q, qd } = session.moment();
-        Passage { end: State { q, qd }, time: time - from, events, count }
+        Ok(Passage { end: State { q, qd }, time: time - from, events, count })
     }
 
     /// DP of one passage, and ∂P/∂p.
@@ -247,7 +256,9 @@ impl Section {
 /// The touches of an impact.
 fn of_impact(event: &Event) -> &[usize] {
     match &event.kind {
-        EventKind::Impact { touch, .. } | EventKind::Limit { touch, .. } | EventKind::Latch { touch } => std::slice::from_ref(touch),
+        EventKind::Impact { touch, .. } | EventKind::Limit { touch, .. } | EventKind::Latch { touch } => {
+            std::slice::from_ref(touch)
+        }
         EventKind::Several { touches, .. } => touches,
         _ => &[],
     }

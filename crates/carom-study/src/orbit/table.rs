@@ -125,6 +125,13 @@ impl Branch {
         let unit = columns[column].unit;
         let label = if unit.is_empty() { show.to_owned() } else { format!("{show}, {unit}") };
         let title = format!("Orbits over {}", self.parameter);
-        Some(Diagram { title, axes: [self.parameter.clone(), label], window, equal_scales: false, shapes, marks: Vec::new() })
+        Some(Diagram {
+            title,
+            axes: [self.parameter.clone(), label],
+            window,
+            equal_scales: false,
+            shapes,
+            marks: Vec::new(),
+        })
     }
 }
