@@ -197,7 +197,7 @@ fn keys_of_answers_are_those_of_the_page() {
     std::fs::write(desk.join("own/scene.toml"), scene).unwrap();
     let robot = "robots/planar2.urdf --tip tip --states - --json";
     let strike = format!("impact {robot} --normal -1,0,0 --law energetic --restitution 0.35 --friction 0.2");
-    let runs: [(&str, Vec<(String, &str)>); 12] = [
+    let runs: [(&str, Vec<(String, &str)>); 13] = [
         ("inspect", vec![("inspect robots/arm7.urdf --json".into(), "")]),
         ("dynamics", vec![(format!("dynamics {robot}"), state)]),
         (
@@ -211,6 +211,14 @@ fn keys_of_answers_are_those_of_the_page() {
         ("map", vec![("map studies/self_motion.toml --advise --json".into(), "")]),
         ("plan", vec![("plan own/scene.toml --json".into(), "")]),
         ("simulate", vec![("simulate scenes/planar2.toml --sensitivity --loads --json".into(), "")]),
+        (
+            "orbit",
+            vec![
+                ("orbit studies/atlas/ball.toml --json".into(), ""),
+                ("orbit studies/atlas/ball.toml --branch --json".into(), ""),
+                ("orbit studies/atlas/ball.toml --cycles 2 --out cycles.csv --json".into(), ""),
+            ],
+        ),
         (
             "chart",
             vec![

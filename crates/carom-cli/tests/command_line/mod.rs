@@ -6,6 +6,7 @@ pub mod desk;
 mod files;
 mod numbers;
 mod options;
+mod orbits;
 mod paper;
 mod people;
 mod refused_input;

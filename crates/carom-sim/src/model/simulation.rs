@@ -349,6 +349,13 @@ impl Simulation {
         self.drives().all(Drive::is_steady) && self.wrenches.iter().all(|wrench| wrench.is_steady(time))
     }
 
+    /// Whether a drive, an outer force or the place of a surface depends on time.
+    #[doc(hidden)]
+    pub fn depends_on_time(&self) -> bool {
+        let moves = |motion: &Moving| matches!(motion, Moving::Given(motion) if motion.moves_shape());
+        !self.is_steady(self.start_time) || self.touches.iter().filter_map(|touch| touch.motion.as_ref()).any(moves)
+    }
+
     /// q and q̇ of a state, which begins with them.
     pub(crate) fn split<'y>(&self, y: &'y [f64]) -> (&'y [f64], &'y [f64]) {
         let (q, rest) = y.split_at(self.chain.nq());

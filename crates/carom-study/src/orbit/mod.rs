@@ -134,6 +134,14 @@ pub enum OrbitError {
         /// The events that were seen.
         seen: String,
     },
+    /// The function of the section jumps from below zero to above it.
+    #[error("at {time} s the function of the section ({section}) jumps over zero in an impact: choose one of positions, or contact")]
+    Jumps {
+        /// The section.
+        section: String,
+        /// Time since the start, s.
+        time: f64,
+    },
     /// A compliant contact presses at the section: what it remembers is no part of the state.
     #[error(
         "at the section ({section}) {touch} presses, and its force depends on its past: choose a section at which it is open"

@@ -152,6 +152,10 @@ impl Problem {
         }
         let chain = &plan.simulation.chain;
         let section = section(&file.section, &plan).map_err(|why| refuse(format!("[section] {why}")))?;
+        if plan.simulation.depends_on_time() && !matches!(section, Section::After(_)) {
+            let why = "a drive, a force or a surface of the scene depends on time: give its period as period, so that all periods are alike";
+            return Err(refuse(format!("[section] {why}")));
+        }
         let OrbitKeys { passages, before, modulo, relabel, tolerance } = &file.orbit;
         let of_orbit = |why: String| refuse(format!("[orbit] {why}"));
         let names = plan.simulation.state_names();

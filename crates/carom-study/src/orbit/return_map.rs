@@ -133,6 +133,9 @@ impl Problem {
                 Seen::Segment(segment) => seen.look(segment),
                 _ => {}
             })?;
+            if let Some(time) = seen.jumps {
+                return Err(OrbitError::Jumps { section: self.section.name(), time: time - from });
+            }
             if let Some(mut time) = seen.found.take() {
                 session.restore(&saved)?;
                 own.clear();
@@ -278,11 +281,13 @@ struct Crossing<'s> {
     below: bool,
     found: Option<f64>,
     rate: f64,
+    /// When it jumped over zero.
+    jumps: Option<f64>,
 }
 
 impl<'s> Crossing<'s> {
     fn new(section: &'s Section) -> Self {
-        Self { section, size: 0.0, below: false, found: None, rate: 0.0 }
+        Self { section, size: 0.0, below: false, found: None, rate: 0.0, jumps: None }
     }
 
     fn at(&self, state: &[f64]) -> f64 {
@@ -299,7 +304,7 @@ impl<'s> Crossing<'s> {
     fn look(&mut self, segment: &Segment) {
         /// A start on the section is below or above it by rounding.
         const ROUNDING: f64 = 1e-9;
-        if self.found.is_some() {
+        if self.found.is_some() || self.jumps.is_some() {
             return;
         }
         let count = segment.states.len();
@@ -310,6 +315,10 @@ impl<'s> Crossing<'s> {
         for time in times {
             let value = self.at(&segment.at(time));
             self.size = self.size.max(value.abs());
+            if self.below && value >= 0.0 && time == segment.start {
+                self.jumps = Some(time);
+                return;
+            }
             if self.below && value >= 0.0 {
                 let (mut low, mut high) = (last, time);
                 while high - low > f64::EPSILON * high.abs().max(span) {

@@ -1,0 +1,41 @@
+"""Periodic orbits: the closed forms of a ball on a shaken table."""
+
+import math
+import pathlib
+
+import numpy as np
+import pytest
+
+import carom
+
+ROOT = pathlib.Path(__file__).parents[3]
+BALL = ROOT / "studies" / "atlas" / "ball.toml"
+
+
+def test_the_orbit_has_the_multipliers_of_its_closed_form():
+    found = carom.orbit(BALL)
+    assert found["stability"] == "stable" and found["residual"] < 1e-10
+    product = math.prod(math.hypot(*pair) for pair in found["multipliers"])
+    assert product == pytest.approx(0.25, abs=1e-9)  # e²
+    # A second route: the run from the orbit returns to it.
+    states = carom.cycles(BALL, 4, start=(found["start"]["q"], found["start"]["qd"]))
+    assert states["q"].shape == (4, 1) and states["qd"].shape == (4, 1)
+    assert np.abs(states["qd"] - found["start"]["qd"]).max() < 1e-9
+
+
+def test_a_branch_names_its_flip_and_its_end():
+    branch = carom.orbit(BALL, branch=True)
+    flip = math.hypot(2 * 1.25 / 2.25, math.pi / 3)
+    assert [it["kind"] for it in branch["special"]] == ["flip"]
+    assert branch["special"][0]["parameter"] == pytest.approx(flip, abs=1e-8)
+    assert branch["points"][0]["parameter"] == 1.2 and "the end of the range" in branch["end"]
+
+
+def test_problems_are_dicts_too_and_wrong_ones_are_refused():
+    keys = {"scene": "ball_scene.toml", "section": {"period": 0.1}, "with": {"contact.restitution": 0.6}}
+    found = carom.orbit(keys, folder=BALL.parent)
+    assert math.prod(math.hypot(*pair) for pair in found["multipliers"]) == pytest.approx(0.36, abs=1e-9)
+    with pytest.raises(carom.StudyError, match="needs one of contact"):
+        carom.orbit(keys | {"section": {}}, folder=BALL.parent)
+    with pytest.raises(TypeError, match="neither a path nor a dict"):
+        carom.orbit(3)
