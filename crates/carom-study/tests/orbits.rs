@@ -138,7 +138,10 @@ fn the_compass_gait_has_the_published_cycle_and_multipliers() {
         assert_eq!(orbit.stability, Stability::Stable);
         // Multipliers do not depend on the section: the next stance leg passes the normal of the slope.
         let middle = STEP.replace("contact = \"right_leg\"", "rising = \"right\"");
-        let other = Case(Problem::from_toml(&format!("scene = \"scene.toml\"\n{middle}"), &problem.1.0).unwrap(), Folder::new());
+        let other = Case(
+            Problem::from_toml(&format!("scene = \"scene.toml\"\n{middle}"), &problem.1.0).unwrap(),
+            Folder::new(),
+        );
         let other = other.find().unwrap();
         close("time from another section", other.period, orbit.period, 1e-11);
         for (one, two) in nonzero(&orbit).iter().zip(nonzero(&other)) {
@@ -246,7 +249,12 @@ gravity = [{}, 0, {}]"#,
         let keys = keys.replace("section.contact = \"wheel\"", "section.falling = \"{qd z}\"");
         let other = problem(&urdf, &scene, &keys).unwrap().find().unwrap();
         let climbed = slope.cos() * (1.0 - alpha.cos()) - slope.sin() * alpha.sin();
-        close("rate in the middle", other.start.qd[2], (omega * omega - 2.0 * g * climbed / (1.0 + inertia)).sqrt(), 1e-10);
+        close(
+            "rate in the middle",
+            other.start.qd[2],
+            (omega * omega - 2.0 * g * climbed / (1.0 + inertia)).sqrt(),
+            1e-10,
+        );
         close("period", other.period, orbit.period, 1e-10);
         close("multiplier", other.multipliers[0].re, factor * factor, 1e-8);
     }
@@ -359,7 +367,10 @@ fn wrong_problems_are_refused_with_key_value_and_rule() {
         ("section.contact = \"tail\"", "contact = \"tail\" is no contact"),
         ("section.rising = \"left*right\"", "is not linear"),
         ("section.rising = \"knee\"", "has no variable 'knee'"),
-        ("section.rising = \"{qd left}\"\nwith = { run = { duration = 8, gravity = [0, 0, -9.81], controller = \"off\" } }\norbit.modulo = [\"tail\"]", "modulo has 'tail'"),
+        (
+            "section.rising = \"{qd left}\"\nwith = { run = { duration = 8, gravity = [0, 0, -9.81], controller = \"off\" } }\norbit.modulo = [\"tail\"]",
+            "modulo has 'tail'",
+        ),
         ("section.period = -1", "period = -1: it must be positive"),
         ("section.contact = \"left_leg\"\norbit.modulo = [\"y\"]", "modulo has 'y'"),
         ("section.contact = \"left_leg\"\norbit.relabel = { left = \"tail\" }", "has no variable 'tail'"),

@@ -27,7 +27,10 @@ fn an_orbit_its_branch_and_its_cycles_are_written_as_tables() {
     assert_eq!(rows.lines().count(), 1 + branch["points"].as_array().unwrap().len());
     assert!(std::fs::read_to_string(desk.0.join("branch.svg")).unwrap().contains("Orbits over acceleration"));
     let cycles = desk.one(&format!("{ball} --cycles 3 --skip 2 --values 4 --out cycles.csv --json"));
-    assert_eq!((cycles["values"].as_u64(), cycles["rows"].as_u64(), cycles["failed"].as_u64()), (Some(4), Some(12), Some(0)));
+    assert_eq!(
+        (cycles["values"].as_u64(), cycles["rows"].as_u64(), cycles["failed"].as_u64()),
+        (Some(4), Some(12), Some(0))
+    );
     let rows = std::fs::read_to_string(desk.0.join("cycles.csv")).unwrap();
     assert!(rows.starts_with("acceleration,cycle,q.z,qd.z,outcome\n1.2,2,"), "{rows}");
 }
@@ -39,7 +42,10 @@ fn what_cannot_be_done_names_file_option_and_rule() {
         ("orbit studies/atlas/none.toml", "studies/atlas/none.toml: cannot be read"),
         ("orbit studies/atlas/hammer2.toml --branch", "[vary] is missing: give it parameter, from and to"),
         ("orbit studies/atlas/hammer2.toml --cycles 2 --values 3 --out c.csv", "--values: the problem has no [vary]"),
-        ("orbit studies/atlas/ball.toml --branch --out b.svg --show speed", "--show speed: the columns of the branch are acceleration"),
+        (
+            "orbit studies/atlas/ball.toml --branch --out b.svg --show speed",
+            "--show speed: the columns of the branch are acceleration",
+        ),
         ("orbit studies/atlas/ball.toml --out o.svg", "the ending of the name says what is written"),
     ] {
         let ran = desk.run(args);

@@ -20,6 +20,7 @@
 use super::newton::{Look, STEPS, difference};
 use super::problem::{Problem, Vary};
 use super::{Orbit, OrbitError};
+use carom_impact::least_norm;
 use carom_sim::Plan;
 use nalgebra::{Complex, DMatrix, DVector};
 use serde::Serialize;
@@ -78,6 +79,8 @@ const SHORTEST: f64 = 1e-7;
 const QUICK: usize = 4;
 /// Steps of a correction.
 const CORRECTIONS: usize = 8;
+/// Pivots below this share of the largest count as zero.
+const SINGULAR: f64 = 1e-13;
 /// Special points are located to this share of the range.
 const LOCATED: f64 = 1e-10;
 /// A function that changes by more within the located interval jumps.
@@ -157,18 +160,17 @@ impl Problem {
         let n = look.r.len();
         let unknown = self.unknown(n);
         let m = unknown.len();
-        let g = self.extended(vary, &look, &unknown);
-        // Squared, so that the right singular vectors are complete.
-        let square = g.clone().insert_row(m, 0.0);
-        let svd = square.svd(false, true);
-        let least = svd.singular_values.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1)).map_or(m, |(k, _)| k);
-        let null = svd.v_t.map(|v| v.row(least).transpose()).unwrap_or_else(|| DVector::zeros(m + 1));
+        // Bordered by the direction before, G has full rank also at a fold.
+        let mut bordered = self.extended(vary, &look, &unknown).insert_row(m, 0.0);
+        unknown.iter().enumerate().for_each(|(i, k)| bordered[(m, i)] = before[*k]);
+        bordered[(m, m)] = before[n];
+        let mut right = DVector::zeros(m + 1);
+        right[m] = 1.0;
+        let null = least_norm(&bordered, &right, SINGULAR);
         let mut direction = DVector::zeros(n + 1);
         unknown.iter().enumerate().for_each(|(i, k)| direction[*k] = null[i]);
         direction[n] = null[m];
-        if direction.dot(before) < 0.0 {
-            direction.neg_mut();
-        }
+        direction /= direction.norm();
         let map = look.found.by_state.select_rows(&unknown).select_columns(&unknown);
         let flip = (&map + DMatrix::identity(m, m)).determinant();
         let torus = torus(&self.multipliers(&look.found.by_state));
@@ -214,8 +216,7 @@ impl Problem {
             let done = difference(&plan.simulation.chain, &here.look.x, &look.x)?;
             let along: f64 = unknown.iter().map(|k| done[*k] * here.direction[*k]).sum();
             right[m] = step - along - here.direction[n] * (value - here.value) / range;
-            let least = 1e-12 * matrix.amax();
-            let solved = matrix.svd(true, true).solve(&right, least).unwrap_or_else(|_| DVector::zeros(m + 1));
+            let solved = least_norm(&matrix, &right, SINGULAR);
             let mut change = DVector::zeros(n);
             unknown.iter().enumerate().for_each(|(i, k)| change[*k] = solved[i]);
             x = self.moved(&plan, &look, &change)?;
@@ -245,7 +246,8 @@ impl Problem {
             add("events", near, format!("from {} to {}", before.join(", "), now.join(", ")));
             return;
         }
-        let functions: [(&str, fn(&Place) -> f64, &str); 3] = [
+        type Test = (&'static str, fn(&Place) -> f64, &'static str);
+        let functions: [Test; 3] = [
             ("fold", |place| place.direction[place.look.r.len()], "a multiplier passes +1, and the branch turns back"),
             ("flip", |place| place.flip, "a multiplier passes -1: an orbit of twice the period is born"),
             ("neimark-sacker", |place| place.torus, "a complex pair of multipliers passes the unit circle"),

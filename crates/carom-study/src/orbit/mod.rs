@@ -135,7 +135,9 @@ pub enum OrbitError {
         seen: String,
     },
     /// The function of the section jumps from below zero to above it.
-    #[error("at {time} s the function of the section ({section}) jumps over zero in an impact: choose one of positions, or contact")]
+    #[error(
+        "at {time} s the function of the section ({section}) jumps over zero in an impact: choose one of positions, or contact"
+    )]
     Jumps {
         /// The section.
         section: String,

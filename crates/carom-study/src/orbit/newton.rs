@@ -7,12 +7,13 @@ use super::problem::Problem;
 use super::return_map::Differentiated;
 use super::{Orbit, OrbitError, Stability, State};
 use carom_chain::Chain;
+use carom_impact::least_norm;
 use carom_sim::{Parameter, Plan};
 use nalgebra::{Complex, DMatrix, DVector};
 
 /// Steps of Newton's method at most.
 pub(super) const STEPS: usize = 40;
-/// Singular values below this share of the largest belong to directions in which the orbits are a family.
+/// Pivots below this share of the largest belong to directions in which the orbits are a family.
 const FAMILY: f64 = 1e-9;
 
 /// A state with P and its derivatives there.
@@ -110,11 +111,7 @@ impl Problem {
         let unknown = self.unknown(n);
         let map = here.found.by_state.select_rows(&unknown).select_columns(&unknown);
         let matrix = DMatrix::identity(unknown.len(), unknown.len()) - map;
-        let least = FAMILY * matrix.amax();
-        let solved = matrix
-            .svd(true, true)
-            .solve(&here.r.select_rows(&unknown), least)
-            .unwrap_or_else(|_| DVector::zeros(unknown.len()));
+        let solved = least_norm(&matrix, &here.r.select_rows(&unknown), FAMILY);
         let mut step = DVector::zeros(n);
         unknown.iter().zip(solved.iter()).for_each(|(k, x)| step[*k] = *x);
         step

@@ -176,7 +176,7 @@ impl Problem {
             count => Ok(count),
         };
         let tolerance = tolerance.unwrap_or(1e-12);
-        if !(tolerance >= f64::EPSILON && tolerance < 1.0) {
+        if !(f64::EPSILON..1.0).contains(&tolerance) {
             return Err(of_orbit(format!("tolerance = {tolerance}: it must be from 2.3e-16 to below 1")));
         }
         let vary = file.vary.as_ref().map(|keys| vary(keys).map_err(|why| refuse(format!("[vary] {why}"))));
