@@ -316,13 +316,26 @@ impl<'a, A: Space> Motion<'a, A> {
         self.gaps.look(touch, &view, (q, qd), time)
     }
 
-    /// Gaps and gap rates of all touches that are near at one state, see [`Gaps::all`], and last or may close.
-    pub fn all_gaps(&mut self, time: f64, y: &[f64]) -> Result<Vec<Near>, SimError> {
+    /// Gaps and gap rates of all touches that are near at one state, see [`Gaps::all`], and last or may close; where a run `begins`, also
+    /// of those that touch at rest, which last from the start.
+    pub fn all_gaps(&mut self, time: f64, y: &[f64], begins: bool) -> Result<Vec<Near>, SimError> {
         let (q, qd) = self.sim.split(y);
         let view = View::<A>::new(self.model, &mut self.workspace, q)?;
         let mut gaps = self.gaps.all(&self.active.lasting, &view, (q, qd), time)?;
-        gaps.retain(|(k, _)| self.lasts(*k) || self.sim.touches[*k].may_close(y, self.scale.pace));
+        gaps.retain(|(k, (gap, rate))| {
+            self.lasts(*k) || self.may_close(*k, y) || begins && self.rests(*k, *gap, *rate)
+        });
         Ok(gaps)
+    }
+
+    /// Whether a touch may close at a state.
+    fn may_close(&self, touch: usize, y: &[f64]) -> bool {
+        self.sim.touches[touch].may_close(y, self.scale.pace)
+    }
+
+    /// Whether the bodies of a touch with this gap touch at rest.
+    fn rests(&self, touch: usize, gap: f64, rate: f64) -> bool {
+        gap.abs() <= self.scale.touching(touch) && rate.abs() <= self.rest_of(touch)
     }
 
     /// Gap, its rate and the velocity of the contact point relative to the surface at one state.

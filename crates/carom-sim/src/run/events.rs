@@ -181,7 +181,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// Gaps and gap rates of all touches now that are near: see [`Gaps::all`](crate::motion::Gaps::all).
     pub fn gaps(&mut self) -> Result<Vec<Near>, SimError> {
-        self.motion.all_gaps(self.time, &self.y)
+        self.motion.all_gaps(self.time, &self.y, false)
     }
 
     /// The contacts and the mode at the start.
@@ -189,7 +189,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let sim = self.motion.sim;
         self.measure();
         let (mut hits, mut rests, mut sunk) = (Vec::new(), Vec::new(), Vec::new());
-        for (touch, (gap, rate)) in self.gaps()? {
+        for (touch, (gap, rate)) in self.motion.all_gaps(self.time, &self.y, true)? {
             let gives_way = sim.touches[touch].is_compliant();
             // A compliant contact may start with a penetration, but not with more than its body has.
             let gives_way = gives_way && gap > -2.0 * sim.touches[touch].size();

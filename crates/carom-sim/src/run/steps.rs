@@ -260,7 +260,7 @@ impl<A: Space> Run<'_, '_, A> {
         if !sim.touches.iter().any(Touch::is_compliant) {
             return Ok(Vec::new());
         }
-        let gaps = self.motion.all_gaps(time, y)?;
+        let gaps = self.motion.all_gaps(time, y, false)?;
         let closed = |touch: usize| gaps.iter().find(|(k, (gap, _))| *k == touch && *gap <= 0.0).map(|(_, gap)| *gap);
         self.motion.active.lasting.retain(|own| closed(own.touch).is_some());
         for own in &mut self.motion.active.lasting {

@@ -51,7 +51,7 @@ impl Problem {
         let mut here = self.look(plan, start, parameter)?;
         for iteration in 1..=STEPS {
             let step = self.step(&here);
-            let (mut share, mut next) = (1.0, None);
+            let (mut share, mut next, mut refused) = (1.0, None, None);
             while share > 1e-3 {
                 let tried = self.moved(plan, &here, &(&step * share)).and_then(|x| self.look(plan, x, parameter));
                 match tried {
@@ -60,7 +60,11 @@ impl Problem {
                         break;
                     }
                     Err(error @ (OrbitError::File { .. } | OrbitError::NotConverged { .. })) => return Err(error),
-                    _ => share *= 0.5,
+                    Err(error) => {
+                        refused.get_or_insert(error);
+                        share *= 0.5;
+                    }
+                    Ok(_) => share *= 0.5,
                 }
             }
             let ended = match next {
@@ -75,7 +79,7 @@ impl Problem {
                 return Ok(self.orbit(here, iteration + 1));
             }
             if ended && share <= 1e-3 {
-                return Err(OrbitError::NotConverged { iterations: iteration, residual: here.size });
+                return Err(refused.unwrap_or(OrbitError::NotConverged { iterations: iteration, residual: here.size }));
             }
         }
         Err(OrbitError::NotConverged { iterations: STEPS, residual: here.size })

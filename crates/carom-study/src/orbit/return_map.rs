@@ -311,10 +311,10 @@ impl<'s> Crossing<'s> {
         let span = segment.end - segment.start;
         // The polynomial of a segment has fewer extremes than nodes.
         let times = (0..=2 * count).map(|k| segment.start + span * k as f64 / (2 * count) as f64);
+        let seen: Vec<(f64, f64)> = times.map(|time| (time, self.at(&segment.at(time)))).collect();
+        self.size = seen.iter().fold(self.size, |most, (_, value)| most.max(value.abs()));
         let mut last = segment.start;
-        for time in times {
-            let value = self.at(&segment.at(time));
-            self.size = self.size.max(value.abs());
+        for (time, value) in seen {
             if self.below && value >= 0.0 && time == segment.start {
                 self.jumps = Some(time);
                 return;
