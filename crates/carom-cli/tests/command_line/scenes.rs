@@ -200,7 +200,7 @@ fn invalid_contact_rules_are_refused() {
             [[contact.pair]]\nlink = "tip"\nrestitution = 7
                 [[contact.pair]] tip on surface 1: restitution is 7: a coefficient of restitution lies between 0 and 1
             [[contact.pair]]\nlink = "tip"\nlach = true
-                line 13: unknown field `lach`, expected one of `link`, `surface`, `joint`, `disabled`, `law`, `restitution`, `tangential_restitution`, `friction`, `latch`, `compliance`, `relative_stiffness`; did you mean `latch`?
+                line 13: unknown field `lach`, expected one of `link`, `surface`, `joint`, `disabled`, `closes_while`, `law`, `restitution`, `tangential_restitution`, `friction`, `latch`, `compliance`, `relative_stiffness`; did you mean `latch`?
         "#),
     );
     for (old, new, message) in [

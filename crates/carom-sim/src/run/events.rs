@@ -22,7 +22,7 @@ use super::trajectory::{Event, EventKind, EventLoads, Sampling, Seen, StepReason
 use crate::contact::Touch;
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
-use crate::motion::{Lasting, Near, NonUnique, is_reached};
+use crate::motion::{Lasting, Near, NonUnique, Scale, is_reached};
 use crate::state::{ContactImpulse, EQUAL, GROWTH, MAX_STEPS, ROUNDING, STEPS, Space};
 use carom_chain::urdf::JointType;
 
@@ -189,6 +189,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let sim = self.motion.sim;
         self.measure();
         let (mut hits, mut rests, mut sunk) = (Vec::new(), Vec::new(), Vec::new());
+        // The projection onto contacts leaves velocities of this size.
+        let Scale { length, pace, .. } = self.motion.scale;
+        let least = ROUNDING * self.motion.active.speed.max(length * pace);
         for (touch, (gap, rate)) in self.motion.all_gaps(self.time, &self.y, true)? {
             let gives_way = sim.touches[touch].is_compliant();
             // A compliant contact may start with a penetration, but not with more than its body has.
@@ -199,7 +202,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 let touch = &sim.touches[touch];
                 return Err(SimError::Overlap { touch: touch.name.clone(), depth: -gap, unit: unit(sim, touch) });
             } else if gap <= self.motion.scale.touching(touch) {
-                if rate < -ROUNDING * self.motion.active.speed * self.motion.scale.per_touch[touch] {
+                if rate < -least * self.motion.scale.per_touch[touch] {
                     hits.push(touch);
                 } else if rate <= self.motion.rest_of(touch) {
                     rests.push(touch);
