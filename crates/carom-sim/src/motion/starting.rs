@@ -19,7 +19,6 @@ use super::rows::{Constraints, push};
 use super::smooth::Motion;
 use crate::error::SimError;
 use crate::state::{EQUAL, ROUNDING, STEPS, Space};
-use carom_impact::least_norm;
 use nalgebra::{DMatrix, DVector, Vector2};
 
 fn across(d: Vector2<f64>) -> Vector2<f64> {
@@ -67,10 +66,15 @@ impl<A: Space> Motion<'_, A> {
                 slope[(j, j)] -= slips[j].dot(&starts[j].along);
             }
             // Several contacts may have the same slip: two wheels on one axle.
-            let turn = least_norm(&slope, &left, EQUAL);
-            if turn.iter().any(|angle| !angle.is_finite()) {
+            let least = EQUAL * slope.amax();
+            if slope.iter().any(|entry| !entry.is_finite()) {
                 return Err(no_direction());
             }
+            // nalgebra's SVD is wrong for some matrices: then the angles do not converge. Pivots instead of singular values would decide
+            // otherwise in other units.
+            let Ok(turn) = slope.svd(true, true).solve(&left, least) else {
+                return Err(no_direction());
+            };
             for (start, turn) in found.constraints.starts.iter_mut().zip(turn.iter()) {
                 // Far from the solution the step may be of any size.
                 let angle = -turn.clamp(-0.5, 0.5);
