@@ -330,7 +330,7 @@ fields! {
         non_unique_time, neglected_frictions, neglected_bound, neglected_depth,
     }
     Summary { last, mode, contacts, stop, events, statistics, energy }
-    Sensitivity { names, last, last_by, events, broken }
+    Sensitivity { names, last, last_by, rate, events, broken }
     EventTime { time, kinds, time_by }
     Broken { time, reason }
     Column { name, words, unit }

@@ -108,6 +108,12 @@ impl Sensitivity {
         by.map(|by| array(py, by.transpose().as_slice().to_vec(), &[by.nrows(), by.ncols()])).transpose()
     }
 
+    /// The rate of the final displacement and velocity, (qd, acceleration), shape (2 nv,); of a run that ends with an event that after it.
+    #[getter]
+    fn rate<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        list(py, &self.found.rate)
+    }
+
     /// The events of the run in the order of time, a list of Event, with the derivatives of their times: `Event.time_by`.
     #[getter]
     fn events(&self, py: Python<'_>) -> Vec<Py<RunEvent>> {

@@ -1393,6 +1393,9 @@ class Sensitivity:
     def last(self) -> tuple[float, _Vector, _Vector]:
         """Time (s), q and qd at the end, of the joints that the plan keeps."""
     @property
+    def rate(self) -> _Vector:
+        """The rate of the final displacement and velocity, (qd, acceleration), shape (2 nv,); of a run that ends with an event that after it."""
+    @property
     def last_by(self) -> _Floats | None:
         """Derivatives of the final displacement and velocity, shape (2 nv, columns); of a floating joint the displacement is along
         and about the axes of its link. None if the derivatives end before.
@@ -1679,6 +1682,51 @@ def compare(
     Raises:
         FitError: too few measurements, an option out of its range, data that cannot be read.
         TypeError: data of no or of several kinds.
+    """
+def orbit(
+    problem: _Path | Mapping[str, Any], *, branch: bool = False, folder: _Path = "."
+) -> dict[str, Any]:
+    """Finds a periodic orbit of a scene, and follows it over a parameter.
+
+    Args:
+        problem: path of a problem file, or its keys as a dict; the page "Find periodic orbits" of the manual lists them.
+        branch: follow the orbit over the parameter of ``vary``.
+        folder: to which the file names in a dict are relative.
+
+    Returns:
+        A dict with the JSON keys of ``carom orbit --help``: start (q and qd, on the section), period (s), events, multipliers (complex
+        numbers as pairs), stability, residual, iterations. With ``branch`` of parameter, points (a list of such dicts, each with its
+        parameter), special (folds, flips, Neimark-Sacker points, changes of the events) and end (why the branch ends).
+
+    Raises:
+        StudyError: a problem that cannot be read; a motion that does not return to the section; no orbit near the start.
+        SimulationError: an invalid scene, or a run that fails.
+    """
+def cycles(
+    problem: _Path | Mapping[str, Any],
+    cycles: int,
+    *,
+    skip: int = 0,
+    value: float | None = None,
+    start: tuple[Sequence[float], Sequence[float]] | None = None,
+    folder: _Path = ".",
+) -> dict[str, _Matrix]:
+    """The states on the section that follow one another, by runs alone: a second route to an orbit, and bifurcation diagrams.
+
+    Args:
+        problem: as for ``carom.orbit``.
+        cycles: number of states.
+        skip: number of cycles before the first of them.
+        value: of the parameter of ``vary``; by default its first value.
+        start: (q, qd); by default that of the scene.
+        folder: to which the file names in a dict are relative.
+
+    Returns:
+        A dict of q and qd, arrays of shape (cycles, nq) and (cycles, nv).
+
+    Raises:
+        StudyError: as ``carom.orbit``.
+        SimulationError: as ``carom.orbit``.
     """
 def tosses(
     folder: _Path,
