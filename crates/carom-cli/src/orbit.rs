@@ -19,8 +19,8 @@ use std::path::{Path, PathBuf};
 ///
 /// Input: a problem (TOML) that names a scene, the section at which a period begins and ends (an
 /// impact of a contact, a linear function of the state that passes zero, or a time), and what need
-/// not return or exchanges its role. Newton's method, with the exact derivative of the motion
-/// through its impacts, finds the orbit near the start of the scene.
+/// not return or exchanges its role. Newton's method, with the derivative of the motion through its
+/// impacts, finds the orbit near the start of the scene.
 ///
 /// Output: the state on the section, the period, the events, and the multipliers: the factors by
 /// which small disturbances grow in each period. The orbit is stable if all are below 1 in size.
@@ -111,7 +111,7 @@ impl OrbitCommand {
                 return printed.print(out);
             }
             let written = answer(out, &done, self.json, |done, out| {
-                writeln!(out, "{} cycles at {} values of {}", done.rows, done.values, problem.parameter_name())?;
+                writeln!(out, "{} rows: cycles at {} values of {}", done.rows, done.values, problem.parameter_name())?;
                 if done.failed > 0 {
                     writeln!(out, "at {} values the motion does not return to the section", done.failed)
                 } else {

@@ -44,6 +44,12 @@ fn a_touch_whose_condition_holds_strikes_as_one_without() {
 #[test]
 fn a_touch_whose_condition_fails_does_not_strike() {
     let scene = scene("closes_while = \"x - 2\"", [0.1, 0.2, 0.0], BOUNCE).unwrap();
+    let plan = scene.plan().unwrap();
+    let told = plan
+        .kept
+        .iter()
+        .find(|it| it.what == "contacts" && it.choice == "ball on floor" && it.why.contains("x - 2 > 0"));
+    assert!(told.is_some(), "{:?}", plan.kept);
     let run = run(&scene).unwrap();
     assert!(run.events.is_empty(), "{:?}", run.events.iter().map(|it| it.kind.name()).collect::<Vec<_>>());
     let last = run.summary.last;

@@ -301,7 +301,7 @@ gravity = [0, 0, -{g}]"#
     problem(&urdf, &scene, &keys)
 }
 
-/// Closed forms: the period doubles at Γ² = (2(1+e²)/(1+e)²)² + (π(1−e)/(1+e))², the orbit is born in a fold at Γ = π(1−e)/(1+e), and its
+/// Closed forms: the period doubles at Γ² = (2(1+e²)/(1+e)²)² + (π(1−e)/(1+e))², the orbit begins in a fold at Γ = π(1−e)/(1+e), and its
 /// multipliers have the product e².
 #[test]
 fn a_ball_on_a_shaken_table_has_the_closed_form_fold_and_flip() {

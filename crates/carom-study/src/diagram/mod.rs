@@ -91,10 +91,10 @@ pub enum Symbol {
 
 const BLACK: [u8; 3] = [0, 0, 0];
 const DARK: [u8; 3] = [70, 70, 70];
-const GREY: [u8; 3] = [120, 120, 120];
+pub(crate) const GREY: [u8; 3] = [120, 120, 120];
 const PALE: [u8; 3] = [210, 210, 210];
-const BLUE: [u8; 3] = [31, 120, 180];
-const RED: [u8; 3] = [227, 26, 28];
+pub(crate) const BLUE: [u8; 3] = [31, 120, 180];
+pub(crate) const RED: [u8; 3] = [227, 26, 28];
 const GREEN: [u8; 3] = [178, 223, 138];
 
 /// Colour of a law, independent of the other laws of a diagram.

@@ -13,7 +13,7 @@
 //! | special point | function | meaning |
 //! | --- | --- | --- |
 //! | `fold` | the component of t along π | a multiplier is +1: the branch turns back |
-//! | `flip` | det(DP + 1) | a multiplier is −1: an orbit of twice the period is born |
+//! | `flip` | det(DP + 1) | a multiplier is −1: an orbit of twice the period begins |
 //! | `neimark-sacker` | the largest |μ| − 1 of complex pairs | a complex pair has the size 1 |
 //! | `events` | – | the sequence of events changes |
 
@@ -57,7 +57,7 @@ pub struct Special {
     pub parameter: f64,
     /// What changes.
     pub what: String,
-    /// Number of points of the branch before it.
+    /// Number of points of the branch up to it.
     pub after: usize,
 }
 
@@ -79,8 +79,6 @@ const SHORTEST: f64 = 1e-7;
 const QUICK: usize = 4;
 /// Steps of a correction.
 const CORRECTIONS: usize = 8;
-/// Pivots below this share of the largest count as zero.
-const SINGULAR: f64 = 1e-13;
 /// Special points are located to this share of the range.
 const LOCATED: f64 = 1e-10;
 /// A function that changes by more within the located interval jumps.
@@ -99,12 +97,11 @@ impl Problem {
             );
             return Err(OrbitError::File { file, rule: rule.into() });
         };
-        let first = self.find()?;
-        let iterations = first.iterations;
-        let look = self.look(&self.plan(Some(vary.from))?, first.start, self.parameter(vary.from).as_ref())?;
+        let plan = self.plan(Some(vary.from))?;
+        let (look, iterations) = self.first(&plan)?;
         let mut toward = DVector::zeros(look.r.len() + 1);
         toward[look.r.len()] = 1.0;
-        let mut here = self.place(&vary, vary.from, look, &toward)?;
+        let mut here = self.place(&vary, (vary.from, plan), look, &toward);
         let mut branch = Branch {
             parameter: vary.name.clone(),
             points: vec![self.point(&here, iterations)],
@@ -150,13 +147,11 @@ impl Problem {
     }
 
     fn point(&self, place: &Place, iterations: usize) -> Point {
-        let Look { x, found, r, size } = &place.look;
-        let look = Look { x: x.clone(), found: found.clone(), r: r.clone(), size: *size };
-        Point { parameter: place.value, orbit: self.orbit(look, iterations) }
+        Point { parameter: place.value, orbit: self.orbit(place.look.clone(), iterations) }
     }
 
     /// A point with its direction: that of the null space of G along `before`.
-    fn place(&self, vary: &Vary, value: f64, look: Look, before: &DVector<f64>) -> Result<Place, OrbitError> {
+    fn place(&self, vary: &Vary, (value, plan): (f64, Plan), look: Look, before: &DVector<f64>) -> Place {
         let n = look.r.len();
         let unknown = self.unknown(n);
         let m = unknown.len();
@@ -166,7 +161,7 @@ impl Problem {
         bordered[(m, m)] = before[n];
         let mut right = DVector::zeros(m + 1);
         right[m] = 1.0;
-        let null = least_norm(&bordered, &right, SINGULAR);
+        let null = least_norm(&bordered, &right, f64::EPSILON);
         let mut direction = DVector::zeros(n + 1);
         unknown.iter().enumerate().for_each(|(i, k)| direction[*k] = null[i]);
         direction[n] = null[m];
@@ -174,8 +169,7 @@ impl Problem {
         let map = look.found.by_state.select_rows(&unknown).select_columns(&unknown);
         let flip = (&map + DMatrix::identity(m, m)).determinant();
         let torus = torus(&self.multipliers(&look.found.by_state));
-        let plan = self.plan(Some(value))?;
-        Ok(Place { value, plan, look, direction, flip, torus })
+        Place { value, plan, look, direction, flip, torus }
     }
 
     /// G, without the rows and columns of `modulo` coordinates.
@@ -201,7 +195,7 @@ impl Problem {
             let parameter = self.parameter(value);
             let look = self.look(&plan, x, parameter.as_ref())?;
             if look.size <= self.converged() {
-                return Ok((self.place(vary, value, look, &here.direction)?, iteration));
+                return Ok((self.place(vary, (value, plan), look, &here.direction), iteration));
             }
             if look.size > 10.0 * last {
                 return Err(OrbitError::NotConverged { iterations: iteration, residual: look.size });
@@ -216,7 +210,7 @@ impl Problem {
             let done = difference(&plan.simulation.chain, &here.look.x, &look.x)?;
             let along: f64 = unknown.iter().map(|k| done[*k] * here.direction[*k]).sum();
             right[m] = step - along - here.direction[n] * (value - here.value) / range;
-            let solved = least_norm(&matrix, &right, SINGULAR);
+            let solved = least_norm(&matrix, &right, f64::EPSILON);
             let mut change = DVector::zeros(n);
             unknown.iter().enumerate().for_each(|(i, k)| change[*k] = solved[i]);
             x = self.moved(&plan, &look, &change)?;
@@ -231,9 +225,8 @@ impl Problem {
         let parameter = self.parameter(vary.to);
         let share = (vary.to - here.value) / (there.value - here.value);
         let nearer = if share > 0.5 { there } else { here };
-        let orbit = self.find_from(&plan, nearer.look.x.clone(), parameter.as_ref()).ok()?;
-        let look = self.look(&plan, orbit.start, parameter.as_ref()).ok()?;
-        self.place(vary, vary.to, look, &here.direction).ok()
+        let (look, _) = self.find_from(&plan, nearer.look.x.clone(), parameter.as_ref()).ok()?;
+        Some(self.place(vary, (vary.to, plan), look, &here.direction))
     }
 
     /// The special points between two points.
@@ -249,7 +242,7 @@ impl Problem {
         type Test = (&'static str, fn(&Place) -> f64, &'static str);
         let functions: [Test; 3] = [
             ("fold", |place| place.direction[place.look.r.len()], "a multiplier passes +1, and the branch turns back"),
-            ("flip", |place| place.flip, "a multiplier passes -1: an orbit of twice the period is born"),
+            ("flip", |place| place.flip, "a multiplier passes -1: an orbit of twice the period begins"),
             ("neimark-sacker", |place| place.torus, "a complex pair of multipliers passes the unit circle"),
         ];
         for (kind, function, what) in functions {

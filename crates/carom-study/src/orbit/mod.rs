@@ -60,16 +60,13 @@ pub struct Orbit {
     pub multipliers: Vec<Complex<f64>>,
     /// Whether small perturbations of the orbit decay or grow.
     pub stability: Stability,
-    /// The largest component of P(x) − x; velocities times the period.
+    /// The largest component of P(x) − x, velocities times the period, as a share of the largest of x.
     pub residual: f64,
     /// Number of runs with derivatives that were needed.
     pub iterations: usize,
     /// ∂P/∂x: rows and columns are a displacement of q and a change of qd, as in [`Sensitivity`](carom_sim::Sensitivity).
     #[serde(skip)]
     pub map: DMatrix<f64>,
-    /// ∂P/∂p, if the problem has a parameter: 2 nv numbers.
-    #[serde(skip)]
-    pub by_parameter: Vec<f64>,
 }
 
 /// Stability of an orbit.
@@ -144,9 +141,9 @@ pub enum OrbitError {
         /// Time since the start, s.
         time: f64,
     },
-    /// A compliant contact presses at the section: what it remembers is no part of the state.
+    /// A compliant contact is closed at the section. Its force depends on earlier states, which [`State`] does not contain.
     #[error(
-        "at the section ({section}) {touch} presses, and its force depends on its past: choose a section at which it is open"
+        "at the section ({section}) {touch} is a compliant contact that is closed, and its force depends on earlier states: choose a section at which it is open"
     )]
     Presses {
         /// The section.

@@ -17,6 +17,7 @@ pub(super) const STEPS: usize = 40;
 const FAMILY: f64 = 1e-9;
 
 /// A state with P and its derivatives there.
+#[derive(Clone)]
 pub(super) struct Look {
     pub x: State,
     pub found: Differentiated,
@@ -33,21 +34,27 @@ impl Problem {
     /// [`OrbitError`]: the run fails, does not return, has no derivative, or Newton's method does not converge.
     pub fn find(&self) -> Result<Orbit, OrbitError> {
         let value = self.vary.as_ref().map(|vary| vary.from);
-        let plan = self.plan(value)?;
-        let mut start = State { q: plan.q.clone(), qd: plan.qd.clone() };
-        for _ in 0..self.before {
-            start = self.period(&plan, &start)?.end;
-        }
-        self.find_from(&plan, start, value.and_then(|value| self.parameter(value)).as_ref())
+        let (look, iterations) = self.first(&self.plan(value)?)?;
+        Ok(self.orbit(look, iterations))
     }
 
-    /// Finds the orbit near a state on the section.
+    /// The orbit near the start of the scene, at the first value of the parameter.
+    pub(super) fn first(&self, plan: &Plan) -> Result<(Look, usize), OrbitError> {
+        let mut start = State { q: plan.q.clone(), qd: plan.qd.clone() };
+        for _ in 0..self.before {
+            start = self.period(plan, &start)?.end;
+        }
+        let parameter = self.vary.as_ref().and_then(|vary| self.parameter(vary.from));
+        self.find_from(plan, start, parameter.as_ref())
+    }
+
+    /// Finds the orbit near a state on the section; returns also the number of runs with derivatives.
     pub(super) fn find_from(
         &self,
         plan: &Plan,
         start: State,
         parameter: Option<&Parameter>,
-    ) -> Result<Orbit, OrbitError> {
+    ) -> Result<(Look, usize), OrbitError> {
         let mut here = self.look(plan, start, parameter)?;
         for iteration in 1..=STEPS {
             let step = self.step(&here);
@@ -76,7 +83,7 @@ impl Problem {
                 None => true,
             };
             if here.size <= self.converged() && (ended || here.size <= f64::EPSILON) {
-                return Ok(self.orbit(here, iteration + 1));
+                return Ok((here, iteration + 1));
             }
             if ended && share <= 1e-3 {
                 return Err(refused.unwrap_or(OrbitError::NotConverged { iterations: iteration, residual: here.size }));
@@ -147,7 +154,6 @@ impl Problem {
             residual: size,
             iterations,
             map: found.by_state,
-            by_parameter: found.by_parameter.as_slice().to_vec(),
         }
     }
 

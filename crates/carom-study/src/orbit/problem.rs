@@ -146,9 +146,7 @@ impl Problem {
         }
         let plan = scene.plan()?;
         if plan.simulation.stepping {
-            return Err(refuse(
-                "scene: its [run] has method = \"time-steps\", and orbits need events: remove it".into(),
-            ));
+            return Err(refuse("scene: its [run] has method = \"steps\", and orbits need events: remove it".into()));
         }
         let chain = &plan.simulation.chain;
         let section = section(&file.section, &plan).map_err(|why| refuse(format!("[section] {why}")))?;

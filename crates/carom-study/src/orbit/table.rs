@@ -1,14 +1,11 @@
 //! Tables and pictures of branches and of cycles.
 
 use super::{Branch, OrbitError, Point, Problem, Stability, State};
-use crate::diagram::{Diagram, Shape, Stroke};
+use crate::diagram::{BLUE, Diagram, GREY, RED, Shape, Stroke};
 use crate::scene_table::coordinate_columns;
 use crate::table::Column;
 
 const STABILITIES: [&str; 3] = ["stable", "neutral", "unstable"];
-const BLUE: [u8; 3] = [31, 120, 180];
-const RED: [u8; 3] = [227, 26, 28];
-const GREY: [u8; 3] = [120, 120, 120];
 
 impl Problem {
     fn state_columns(&self) -> Vec<Column> {
