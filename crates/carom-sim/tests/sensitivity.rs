@@ -2,8 +2,8 @@
 
 use carom_impact::{Damping, Newton};
 use carom_sim::{
-    Compliance, ContactRule, Drive, Loop, LoopFrame, LoopJoint, Parameter, Scene, Sensitivity, Simulation, TorqueTable,
-    Touch, Yielding,
+    ByOutcome, Compliance, ContactRule, Drive, Loop, LoopFrame, LoopJoint, Parameter, Scene, Sensitivity, Simulation,
+    TorqueTable, Touch, Yielding,
 };
 use carom_testing::build::{self, Part, X, Y, Z, along, chain, falling_ball};
 use carom_testing::scenes::{DOWN, changed, newton, on_floor};
@@ -594,5 +594,71 @@ fn sensitivities_by_keys_of_the_scene_equal_differences_of_runs() {
     ] {
         let told = scene.parameter(key).unwrap_err().to_string();
         assert!(told.starts_with(why), "{told}");
+    }
+}
+
+/// Positions, approach speeds, rebound speeds and normal impulses at impacts of one contact and of two, and of a joint at its limit: the
+/// gradient of a sum of them, by the start and by parameters, is its difference of runs.
+#[test]
+fn gradients_of_states_at_events_and_of_impulses_equal_differences_of_runs() {
+    let away = [("q = [0.7854, -1.5708]", "q = [0.8, -1.6]")];
+    for (file, changes, duration) in [("planar2", &away[..], 0.5), ("racket", &[], 0.75)] {
+        let scene = changed(file, changes);
+        let plan = scene.plan().unwrap();
+        let (sim, nv) = (&plan.simulation, plan.simulation.chain.nv());
+        let parameters = Parameter::all(sim);
+        let weights: Vec<f64> = (0..2 * nv).map(|k| (1.0 + k as f64).sin()).collect();
+        let run = plan.linear_run(duration, &parameters).unwrap();
+        let index = run.happened().position(|happened| happened[0].kind.is_impact()).expect(file);
+        let reference = run.happened().nth(index).unwrap()[0].clone();
+        // Of the first impact: a linear function of the states before and after it, and its impulse.
+        let value = |sim: &Simulation, q: &[f64], qd: &[f64]| {
+            let fine = Simulation { tolerance: 1e-12, ..sim.clone() };
+            let run = fine.run(q, qd, duration).unwrap();
+            let event = run.events.iter().find(|event| event.kind.is_impact()).unwrap().clone();
+            let moved = sim.chain.difference(&reference.q, &event.q).unwrap();
+            let linear = |qd: &[f64]| -> f64 { moved.iter().chain(qd).zip(&weights).map(|(x, w)| x * w).sum() };
+            let velocities = [event.qd_minus.as_slice(), &event.qd_plus];
+            let impulse: f64 =
+                sim.normal_impulses(event.kind.struck(), &event.q, velocities, event.time).unwrap().iter().sum();
+            let direct: f64 = event
+                .impulses
+                .iter()
+                .map(|it| {
+                    let moment = carom_sim::Moment { time: event.time, q: event.q.clone(), qd: event.qd_minus.clone() };
+                    sim.touching_point(it.touch, &moment).unwrap().map_or(0.0, |[_, n]| n.dot(&it.impulse))
+                })
+                .sum();
+            assert!((impulse - direct).abs() < 1e-9 * direct.abs(), "{file}: {impulse} {direct}");
+            [linear(&event.qd_minus), linear(&event.qd_plus)]
+        };
+        for side in [0, 1] {
+            let mut by = ByOutcome { last: vec![0.0; 2 * nv], ..ByOutcome::default() };
+            if side == 0 { &mut by.before } else { &mut by.after }.push((index, weights.clone()));
+            let gradient = run.gradient(&by).unwrap();
+            for k in 0..2 * nv + parameters.len() {
+                let at = |delta: f64| {
+                    let (mut q, mut qd, mut changed) = (plan.q.clone(), plan.qd.clone(), sim.clone());
+                    let mut unit = vec![0.0; nv];
+                    if k < nv {
+                        unit[k] = 1.0;
+                        q = sim.chain.integrate(&q, &unit, delta).unwrap();
+                    } else if k < 2 * nv {
+                        qd[k - nv] += delta;
+                    } else {
+                        changed = parameters[k - 2 * nv].apply(sim, delta).unwrap();
+                    }
+                    value(&changed, &q, &qd)[side]
+                };
+                let h = 1e-4;
+                let there = (at(h) - at(-h)) * (8.0 / 12.0 / h) - (at(2.0 * h) - at(-2.0 * h)) * (1.0 / 12.0 / h);
+                assert!(
+                    (gradient[k] - there).abs() < 1e-6 * there.abs().max(1.0),
+                    "{file} {}: {} {there}",
+                    run.names()[k],
+                    gradient[k]
+                );
+            }
+        }
     }
 }

@@ -65,6 +65,11 @@ impl Parameter {
         Self { name: name.into(), scale, place: Place::Anywhere, change: Arc::new(change) }
     }
 
+    /// The same parameter under another name.
+    pub(crate) fn named(self, name: &str) -> Self {
+        Self { name: name.to_owned(), ..self }
+    }
+
     /// Its name.
     pub fn name(&self) -> &str {
         &self.name

@@ -26,9 +26,10 @@
 
 use super::changed::{AT, Changed, DIFFERENCE, WEIGHTS};
 use super::crossing::{After, Before, Struck, WIDE, jump, normal, outcome, rate, value};
-use super::follow::{Follow, Noted, Stop};
+use super::follow::{Follow, Stop};
 use super::guard::{Ending, Guard, Is};
-use super::linear_run::{LinearEvent, Maps};
+use super::linear_run::{Around, LinearEvent, Maps};
+use super::trajectory::EventKind;
 use super::variation::left_inverse;
 use crate::error::SimError;
 use crate::model::Place;
@@ -141,12 +142,30 @@ impl<A: Space> Follow<'_, '_, A> {
             time_push[p] = self.time_by(&none, Some(p), &before)?;
             push.set_column(p, &self.column_after((none, time_push[p]), Some(p), &before, (&after, &middle))?);
         }
+        let (map, time_by) = (map * &coordinates, coordinates.tr_mul(&time_by));
+        let happened: Vec<_> = self.happened.borrow_mut().drain(..).collect();
+        // An event with a name, in whose time the motion does not go on by itself.
+        let around = (!happened.is_empty() && after.time == before.time).then(|| {
+            let moving = 2 * self.run.motion.sim.chain.nv();
+            let leads = |inverse: DMatrix<f64>, f: &DVector<f64>, map: DMatrix<f64>, push: &DMatrix<f64>| {
+                let inverse = inverse.rows(0, moving).into_owned();
+                [&inverse * (map + f * time_by.transpose()), inverse * (push + f * time_push.transpose())]
+            };
+            let n = before.x.len();
+            let none = DMatrix::zeros(n, parameters);
+            let inverse_after = left_inverse(&self.run.tangent(after.x.as_slice()));
+            Around {
+                before: leads(inverse, &before.f, DMatrix::identity(n, n), &none),
+                after: leads(inverse_after, &after.f, map.clone(), &push),
+            }
+        });
         Ok(Some(LinearEvent {
             time,
-            kinds: self.kinds.borrow_mut().drain(..).map(|noted| noted.kind).collect(),
-            map: map * &coordinates,
+            happened,
+            around,
+            map,
             push,
-            time_by: coordinates.tr_mul(&time_by),
+            time_by,
             time_push,
             counts: is_force || rate.abs() > FAINT * pace,
         }))
@@ -157,14 +176,15 @@ impl<A: Space> Follow<'_, '_, A> {
     fn goes_on(&self, before: &Before) -> bool {
         let (run, active) = (&self.run, &before.active);
         let modes = active.lasting == run.motion.active.lasting && active.dry == run.motion.active.dry;
-        modes && self.kinds.borrow().is_empty() && run.time == before.time
+        modes && self.happened.borrow().is_empty() && run.time == before.time
     }
 
     /// The touch of an event that is its impact and nothing else, whose derivative has a closed form.
     fn struck_alone(&self, before: &Before, after: &After) -> Option<usize> {
         let sim = self.run.motion.sim;
-        let kinds = self.kinds.borrow();
-        let [Noted { touch: Some(touch), .. }] = kinds.as_slice() else { return None };
+        let happened = self.happened.borrow();
+        let [event] = happened.as_slice() else { return None };
+        let (EventKind::Impact { touch, .. } | EventKind::Limit { touch, .. }) = &event.kind else { return None };
         let gap = before.guard.is_some_and(|guard| guard.is() == Is::Gap);
         let free = !before.active.lasting.iter().any(Lasting::is_rigid)
             && !before.active.dry.iter().any(|joint| joint.state == Dry::Holds);

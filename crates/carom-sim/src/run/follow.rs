@@ -7,7 +7,7 @@ use super::guard::Ending;
 use super::linear_run::{Maps, Piece};
 use super::run_state::Run;
 use super::sampler::Step;
-use super::trajectory::{EventKind, Sampling, Seen};
+use super::trajectory::{Event, Sampling, Seen};
 use super::variation::{LinearStep, left_inverse};
 use crate::error::SimError;
 use crate::model::{Parameter, Simulation};
@@ -62,13 +62,8 @@ pub(super) struct Follow<'a, 'w, A: Space> {
     /// The same simulation, for states beside that of the run.
     pub(super) probe: Run<'a, 'w, A>,
     pub(super) changed: Vec<Changed<'a, 'w, A>>,
-    pub(super) kinds: &'a RefCell<Vec<Noted>>,
-}
-
-/// The name of an event, and the touch of the impact of one touch.
-pub(super) struct Noted {
-    pub(super) kind: &'static str,
-    pub(super) touch: Option<usize>,
+    /// What happened since the last linear map of an event.
+    pub(super) happened: &'a RefCell<Vec<Event>>,
 }
 
 /// Why a step could not be differentiated.
@@ -92,14 +87,10 @@ fn follow<A: Space>(
 ) -> Result<End, SimError> {
     let (sim, model, start) = base;
     let others: Vec<Others<A>> = parameters.iter().map(|_| Others::<A>::new()).collect();
-    let kinds = RefCell::new(Vec::new());
+    let happened = RefCell::new(Vec::new());
     let mut note = |seen: Seen| {
         if let Seen::Event(event) = seen {
-            let touch = match event.kind {
-                EventKind::Impact { touch, .. } | EventKind::Limit { touch, .. } => Some(touch),
-                _ => None,
-            };
-            kinds.borrow_mut().push(Noted { kind: event.kind.name(), touch });
+            happened.borrow_mut().push(event.clone());
         }
     };
     let run = Run::<A>::at_start(sim, model, start, Sampling::default(), &mut note)?;
@@ -107,7 +98,7 @@ fn follow<A: Space>(
     let changed =
         parameters.iter().zip(&others).map(|(parameter, others)| Changed::new(parameter, base, model_of, others));
     let changed = changed.collect::<Result<_, _>>()?;
-    let mut follow = Follow { run, probe, changed, kinds: &kinds };
+    let mut follow = Follow { run, probe, changed, happened: &happened };
     let end = sim.start_time + duration;
     let broken = match follow.whole(end, each) {
         Ok(()) => None,
@@ -133,7 +124,7 @@ fn follow<A: Space>(
 
 impl<A: Space> Follow<'_, '_, A> {
     pub(super) fn broken<T>(&self, time: f64, reason: &str) -> Result<T, Stop> {
-        let kinds: Vec<&str> = self.kinds.borrow().iter().map(|noted| noted.kind).collect();
+        let kinds: Vec<&str> = self.happened.borrow().iter().map(|event| event.kind.name()).collect();
         let told = if kinds.is_empty() { String::new() } else { format!("{}: ", kinds.join(", ")) };
         Err(Stop::Broken(Broken { time, reason: told + reason }))
     }
@@ -143,10 +134,10 @@ impl<A: Space> Follow<'_, '_, A> {
         let time = self.run.time;
         (self.run.end, self.run.history.follows_slips) = (end, true);
         self.run.begin()?;
-        if self.kinds.borrow().iter().any(|noted| IMPACTS.contains(&noted.kind)) {
+        if self.happened.borrow().iter().any(|event| event.kind.is_impact()) {
             return self.broken(time, "it begins with an impact, and neighbouring starts begin before or after it");
         }
-        self.kinds.borrow_mut().clear();
+        self.happened.borrow_mut().clear();
         let x = self.run.x();
         let active = self.run.motion.active.clone();
         let start = self.neighbours(time, &x, &active)?.columns(0, 2 * self.run.motion.sim.chain.nv()).into_owned();
@@ -219,6 +210,3 @@ impl<A: Space> Follow<'_, '_, A> {
         }
     }
 }
-
-/// The kinds of events that are impacts.
-const IMPACTS: [&str; 4] = ["impact", "several", "limit", "latch"];

@@ -1,5 +1,7 @@
 //! A run as a linear map from changes of its start and parameters to those of its outcome, and its transpose.
 
+use super::follow::End;
+use super::trajectory::Event;
 use super::variation::{Gauss, LinearStep};
 use crate::error::SimError;
 use crate::state::Moment;
@@ -17,7 +19,10 @@ pub(crate) enum Piece {
 /// An event, linearised.
 pub(crate) struct LinearEvent {
     pub time: f64,
-    pub kinds: Vec<&'static str>,
+    /// What happens, first one first.
+    pub happened: Vec<Event>,
+    /// The states just before and after it; `None` without a name, or where time passes in it.
+    pub around: Option<Around>,
     /// Ξ.
     pub map: DMatrix<f64>,
     /// What the parameters add.
@@ -29,7 +34,49 @@ pub(crate) struct LinearEvent {
     pub counts: bool,
 }
 
+/// The states just before and after an event, each at its own time: displacement and velocity by x before the event, and by the
+/// parameters.
+pub(crate) struct Around {
+    pub before: [DMatrix<f64>; 2],
+    pub after: [DMatrix<f64>; 2],
+}
+
 impl LinearEvent {
+    /// Adds the derivatives of a number by the time of the event and by the states at it to those by x before it and by the parameters.
+    fn add(
+        &self,
+        (lambda, gradient): (&mut DVector<f64>, &mut DVector<f64>),
+        index: usize,
+        by: &ByOutcome,
+    ) -> Result<(), SimError> {
+        let none = |reason: &str| SimError::NoDerivative { time: self.time, reason: reason.to_owned() };
+        let slow = || none("it is too slow for digits of the derivative of its time that count");
+        for (_, weight) in by.times.iter().filter(|(k, _)| *k == index) {
+            if !self.counts {
+                return Err(slow());
+            }
+            gradient.axpy(*weight, &self.time_push, 1.0);
+            lambda.axpy(*weight, &self.time_by, 1.0);
+        }
+        for (states, is_after) in [(&by.before, false), (&by.after, true)] {
+            for (_, weights) in states.iter().filter(|(k, _)| *k == index) {
+                let around = self.around.as_ref().ok_or_else(|| none("it ends an accumulation of impacts"))?;
+                if !self.counts {
+                    return Err(slow());
+                }
+                let [by_x, by_parameters] = if is_after { &around.after } else { &around.before };
+                let weights = DVector::from_column_slice(weights);
+                lambda.gemv_tr(1.0, by_x, &weights, 1.0);
+                gradient.gemv_tr(1.0, by_parameters, &weights, 1.0);
+            }
+        }
+        Ok(())
+    }
+
+    fn kinds(&self) -> Vec<&'static str> {
+        self.happened.iter().map(|event| event.kind.name()).collect()
+    }
+
     /// S after the event, and τ′, by the columns of S before it and of the changes of the parameters.
     pub fn forward(&self, s: &DMatrix<f64>, changes: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
         let time_by = s.tr_mul(&self.time_by) + changes.tr_mul(&self.time_push);
@@ -93,8 +140,8 @@ impl AllColumns {
                 if !event.counts {
                     time_by.fill(f64::NAN);
                 }
-                if !event.kinds.is_empty() {
-                    self.events.push(EventTime { time: event.time, kinds: event.kinds.clone(), time_by });
+                if !event.happened.is_empty() {
+                    self.events.push(EventTime { time: event.time, kinds: event.kinds(), time_by });
                 }
             }
         }
@@ -162,20 +209,29 @@ pub struct LinearRun {
     names: Vec<String>,
     parameters: usize,
     last: Moment,
+    rate: Vec<f64>,
     pieces: Vec<Piece>,
     tangent: DMatrix<f64>,
     gauss: Gauss,
 }
 
+/// The derivatives of a number by the outcome of a run.
+#[derive(Debug, Clone, Default)]
+pub struct ByOutcome {
+    /// By the final displacement and velocity, 2 nv numbers.
+    pub last: Vec<f64>,
+    /// By the times of events: the index of each among those of [`LinearRun::events`], and the derivative.
+    pub times: Vec<(usize, f64)>,
+    /// By the states just before and just after events, each at the time of its event: index, and 2 nv numbers.
+    pub before: Vec<(usize, Vec<f64>)>,
+    /// See `before`.
+    pub after: Vec<(usize, Vec<f64>)>,
+}
+
 impl LinearRun {
-    pub(super) fn new(
-        names: Vec<String>,
-        parameters: usize,
-        last: Moment,
-        pieces: Pieces,
-        tangent: DMatrix<f64>,
-    ) -> Self {
-        Self { names, parameters, last, pieces: pieces.pieces, tangent, gauss: Gauss::new() }
+    pub(super) fn new((names, parameters): (Vec<String>, usize), end: End, pieces: Pieces) -> Self {
+        let End { last, rate, tangent, .. } = end;
+        Self { names, parameters, last, rate, pieces: pieces.pieces, tangent, gauss: Gauss::new() }
     }
 
     /// The names of the numbers by which the run is differentiated: as those of the columns of a [`Sensitivity`](super::Sensitivity).
@@ -188,14 +244,24 @@ impl LinearRun {
         &self.last
     }
 
+    /// The rate of the final displacement and velocity: as [`Sensitivity::rate`](super::Sensitivity::rate).
+    pub fn rate(&self) -> &[f64] {
+        &self.rate
+    }
+
     /// The times of the events, s, each with the names of what happens.
-    pub fn events(&self) -> impl Iterator<Item = (f64, &[&'static str])> {
-        self.told().map(|event| (event.time, event.kinds.as_slice()))
+    pub fn events(&self) -> impl Iterator<Item = (f64, Vec<&'static str>)> {
+        self.told().map(|event| (event.time, event.kinds()))
+    }
+
+    /// What happens at each of the [`events`](Self::events), with the states before and after it.
+    pub fn happened(&self) -> impl Iterator<Item = &[Event]> {
+        self.told().map(|event| event.happened.as_slice())
     }
 
     fn told(&self) -> impl Iterator<Item = &LinearEvent> {
         self.pieces.iter().filter_map(|piece| match piece {
-            Piece::Event(event) if !event.kinds.is_empty() => Some(event),
+            Piece::Event(event) if !event.happened.is_empty() => Some(event),
             _ => None,
         })
     }
@@ -219,7 +285,7 @@ impl LinearRun {
                 Piece::Event(event) => {
                     let (after, time_by) = event.forward(&s, &parameters);
                     s = after;
-                    if !event.kinds.is_empty() {
+                    if !event.happened.is_empty() {
                         times.push(if event.counts { time_by[0] } else { f64::NAN });
                     }
                 }
@@ -236,14 +302,28 @@ impl LinearRun {
     /// [`SimError::Setting`] for a wrong number of derivatives; [`SimError::NoDerivative`] for one by the time of an event whose digits do
     /// not count.
     pub fn vjp(&self, last: &[f64], times: &[f64]) -> Result<Vec<f64>, SimError> {
-        self.check("number of derivatives by the final state", last.len(), self.tangent.nrows())?;
-        let told = self.told().count();
         if !times.is_empty() {
-            self.check("number of derivatives by the times of events", times.len(), told)?;
+            self.check("number of derivatives by the times of events", times.len(), self.told().count())?;
         }
-        let mut times = times.iter().rev();
+        let times = times.iter().copied().enumerate().filter(|(_, by)| *by != 0.0).collect();
+        self.gradient(&ByOutcome { last: last.to_vec(), times, ..ByOutcome::default() })
+    }
+
+    /// The derivatives of a number by the start and the parameters (one for each of [`names`](Self::names)), from those by the outcome.
+    ///
+    /// # Errors
+    /// [`SimError::Setting`] for a wrong number of derivatives or an event that there is not; [`SimError::NoDerivative`] for one by the time
+    /// of an event whose digits do not count, or by a state at it, or by a state at the end of an accumulation of impacts.
+    pub fn gradient(&self, by: &ByOutcome) -> Result<Vec<f64>, SimError> {
+        let told = self.told().count();
+        self.check("number of derivatives by the final state", by.last.len(), self.tangent.nrows())?;
+        for (k, own) in by.before.iter().chain(&by.after) {
+            self.check("number of derivatives by a state at an event", own.len(), self.tangent.nrows())?;
+            crate::error::require(*k < told, "event of a derivative", *k as f64, "it must be one of those of the run")?;
+        }
+        let mut index = told;
         let mut gradient = DVector::zeros(self.parameters);
-        let mut lambda = self.tangent.tr_mul(&DVector::from_column_slice(last));
+        let mut lambda = self.tangent.tr_mul(&DVector::from_column_slice(&by.last));
         let mut start = DVector::zeros(0);
         for piece in self.pieces.iter().rev() {
             match piece {
@@ -253,13 +333,10 @@ impl LinearRun {
                 Piece::Event(event) => {
                     gradient.gemv_tr(1.0, &event.push, &lambda, 1.0);
                     lambda = event.map.tr_mul(&lambda);
-                    let weight = if event.kinds.is_empty() { 0.0 } else { times.next().copied().unwrap_or(0.0) };
-                    if weight != 0.0 && !event.counts {
-                        let reason = "it is too slow for digits of the derivative of its time that count".into();
-                        return Err(SimError::NoDerivative { time: event.time, reason });
+                    if !event.happened.is_empty() {
+                        index -= 1;
+                        event.add((&mut lambda, &mut gradient), index, by)?;
                     }
-                    gradient.axpy(weight, &event.time_push, 1.0);
-                    lambda.axpy(weight, &event.time_by, 1.0);
                 }
                 Piece::Start(from) => start = from.tr_mul(&lambda),
             }

@@ -48,7 +48,7 @@ mod variation;
 
 pub use columns::Columns;
 pub use follow::Broken;
-pub use linear_run::{EventTime, LinearRun};
+pub use linear_run::{ByOutcome, EventTime, LinearRun};
 pub use named::{AtContact, NamedEvent, UnderLaw};
 pub use sensitivity::Sensitivity;
 pub use session::{Advance, Session, SessionState};

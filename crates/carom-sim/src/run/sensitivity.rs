@@ -132,10 +132,10 @@ fn linear(
 ) -> Result<LinearRun, SimError> {
     let mut pieces = Pieces::new(2 * simulation.chain.nv(), parameters.len());
     let end = differentiate(simulation, flat, (start, duration), parameters, &mut pieces)?;
-    if let Some(Broken { time, reason }) = end.broken {
-        return Err(SimError::NoDerivative { time, reason });
+    if let Some(Broken { time, reason }) = &end.broken {
+        return Err(SimError::NoDerivative { time: *time, reason: reason.clone() });
     }
-    Ok(LinearRun::new(names(simulation, parameters), parameters.len(), end.last, pieces, end.tangent))
+    Ok(LinearRun::new((names(simulation, parameters), parameters.len()), end, pieces))
 }
 
 /// The names of the columns.

@@ -134,6 +134,22 @@ impl EventKind {
         }
     }
 
+    /// Whether velocities jump: `impact`, `several`, `limit` or `latch`.
+    pub fn is_impact(&self) -> bool {
+        !self.struck().is_empty()
+    }
+
+    /// Indices of the touches of an impact; none of other events.
+    pub fn struck(&self) -> &[usize] {
+        match self {
+            Self::Impact { touch, .. } | Self::Limit { touch, .. } | Self::Latch { touch } => {
+                std::slice::from_ref(touch)
+            }
+            Self::Several { touches, .. } => touches,
+            _ => &[],
+        }
+    }
+
     /// Index of the touch, if the event belongs to exactly one.
     pub fn touch(&self) -> Option<usize> {
         match self {

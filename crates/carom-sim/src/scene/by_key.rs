@@ -1,6 +1,6 @@
 //! Any number of a scene file as a parameter.
 
-use super::{Scene, in_file, path, refuse};
+use super::{Body, Scene, in_file, path, refuse};
 use crate::error::SimError;
 use crate::model::{Parameter, Simulation};
 
@@ -53,9 +53,12 @@ impl Scene {
 
     fn with_keys(&self, change: impl FnOnce(&mut toml::Table) -> Result<(), SimError>) -> Result<Self, SimError> {
         let mut keys: toml::Table = self.text.parse().map_err(|e: toml::de::Error| refuse(e.to_string()))?;
+        let robots = |keys: &toml::Table| keys.get("robot").map(Body::keys);
+        let before = robots(&keys);
         change(&mut keys)?;
         let text = toml::to_string(&keys).map_err(|e| refuse(e.to_string()))?;
-        Self::from_toml(&text, &self.folder)
+        let bodies = (robots(&keys) == before).then_some(&self.bodies);
+        Self::read(&text, &self.folder, bodies).map_err(|e| in_file("<scene>".into(), e))
     }
 
     /// The number at the path of a key of the file as a parameter: `contact.friction`, `robot.mass.hand`, `surface[0].restitution`.
@@ -72,7 +75,32 @@ impl Scene {
     /// # Errors
     /// As [`Scene::with_number`]; a key that changes the start or the duration.
     pub fn parameter(&self, path: &str) -> Result<Parameter, SimError> {
+        if let Some(own) = self.of_drive(path) {
+            return Ok(own);
+        }
         self.parameter_by(path, |scene, path, change| scene.with_number(path, change))
+    }
+
+    /// The number of a controller of `[run]` at one joint, whose derivative has a closed form.
+    fn of_drive(&self, path: &str) -> Option<Parameter> {
+        let (key, joint) = path.strip_prefix("run.")?.split_once(['.', '['])?;
+        if self.simulation.after_impact.is_some() {
+            return None; // its controller may read the same key
+        }
+        let chain = &self.simulation.chain;
+        let joint = match joint.strip_suffix(']') {
+            None => joint.to_owned(),
+            Some(index) => {
+                let index: usize = index.parse().ok()?;
+                let mut own = chain.joints().iter().filter_map(|own| Some((own, chain.coordinate_of(own)?)));
+                let (own, _) = own.find(|(_, at)| index == if key == "target" { at.q } else { at.v })?;
+                own.name.clone()
+            }
+        };
+        let name = format!("{key} {joint}");
+        let is_joint = chain.joint(&joint).is_ok() && self.with_number(path, 0.0).is_ok();
+        let mut all = is_joint.then(|| Parameter::all(&self.simulation)).into_iter().flatten();
+        all.find(|own| own.name() == name).map(|own| own.named(path))
     }
 
     /// [`Scene::parameter`], with a changed scene from `with_number`.

@@ -18,6 +18,8 @@ mod toml;
 
 pub use perturb::{Distribution, Perturbation};
 #[doc(hidden)]
+pub use robots::Body;
+#[doc(hidden)]
 pub use toml::from_toml;
 
 use crate::contact::{ContactRule, Surface, Touch, Touches};
@@ -34,6 +36,7 @@ use force::{closure, wrench};
 use keys::Table;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use surface::{Places, surface};
 
 /// A scene: a robot or several, the surfaces around them, contact laws and run settings, read from a TOML file
@@ -89,6 +92,9 @@ pub struct Scene {
     /// Warnings: a start outside joint limits, a `[[contact.pair]]` that applies to no contact. Those about the robot are in
     /// [`Chain::report`](carom_chain::Chain::report).
     pub warnings: Vec<String>,
+    /// The robots as they are read from their files, for scenes with other values of other keys.
+    #[doc(hidden)]
+    pub bodies: Arc<Vec<Body>>,
 }
 
 impl Scene {
@@ -101,7 +107,8 @@ impl Scene {
         let name = path.display().to_string();
         let text = input::read_text(path, input::MOST_MIB)
             .map_err(|e| SimError::Scene { file: name.clone(), rule: format!("cannot be read: {e}") })?;
-        let mut scene = Self::read(&text, path.parent().unwrap_or(Path::new("."))).map_err(|e| in_file(name, e))?;
+        let mut scene =
+            Self::read(&text, path.parent().unwrap_or(Path::new(".")), None).map_err(|e| in_file(name, e))?;
         scene.files.insert(0, path.to_owned());
         Ok(scene)
     }
@@ -111,16 +118,17 @@ impl Scene {
     /// # Errors
     /// As [`Scene::from_file`]; the file of the messages is `<scene>`.
     pub fn from_toml(text: &str, folder: impl AsRef<Path>) -> Result<Self, SimError> {
-        Self::read(text, folder.as_ref()).map_err(|e| in_file("<scene>".into(), e))
+        Self::read(text, folder.as_ref(), None).map_err(|e| in_file("<scene>".into(), e))
     }
 
-    fn read(text: &str, folder: &Path) -> Result<Self, SimError> {
+    /// With `bodies` the robots are these, and their files are not read.
+    fn read(text: &str, folder: &Path, bodies: Option<&Arc<Vec<Body>>>) -> Result<Self, SimError> {
         let file: File = from_toml(text).map_err(refuse)?;
 
         let in_folder = |names: Vec<&PathBuf>| names.into_iter().map(|name| folder.join(name)).collect::<Vec<_>>();
         let (files, package_dirs) = (in_folder(file.tables()), in_folder(file.package_dirs()));
         let places = Places { folder, package_dirs: &package_dirs };
-        let robots = file.robot.load(folder)?;
+        let robots = file.robot.load(folder, bodies.map(|all| all.as_slice()))?;
         let chain = robots.chain.clone();
         let (Table((given, contact)), Table((run, control))) = (&file.contact, &file.run);
         robots.check_efforts(run.effort_limits).map_err(refuse)?;
@@ -245,6 +253,7 @@ impl Scene {
             folder: folder.to_owned(),
             files,
             warnings,
+            bodies: bodies.cloned().unwrap_or_else(|| Arc::new(robots.bodies())),
         })
     }
 }

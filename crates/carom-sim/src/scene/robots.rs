@@ -3,7 +3,7 @@
 
 use super::drive::{Drives, World, positions};
 use super::file::{Beam, Control, Member, Robots, Target, TipVelocity};
-use super::keys::TIP;
+use super::keys::{Keys, Loading, TIP};
 use super::refuse;
 use super::surface::half_space;
 use crate::contact::Surface;
@@ -24,6 +24,13 @@ pub(crate) struct Loaded {
     robots: Vec<One>,
 }
 
+/// A robot as it is read from its file: the chain, and the springs of its beams.
+#[derive(Debug, Clone)]
+pub struct Body {
+    pub(super) chain: Chain,
+    springs: Vec<Spring>,
+}
+
 /// One robot.
 struct One {
     /// Its name; `None` for `[robot]`, whose links and joints have no prefix.
@@ -38,12 +45,12 @@ struct One {
 }
 
 impl Robots {
-    /// Loads the robots and places them.
-    pub fn load(self, folder: &Path) -> Result<Loaded, SimError> {
+    /// Loads the robots, or takes these, and places them.
+    pub fn load(self, folder: &Path, bodies: Option<&[Body]>) -> Result<Loaded, SimError> {
         let named = self.named;
-        let robots = self.all.into_iter().map(|it| {
+        let robots = self.all.into_iter().enumerate().map(|(k, it)| {
             let name = named.then(|| it.place.name.clone());
-            One::load(folder, it, name)
+            One::load(folder, it, name, bodies.and_then(|all| all.get(k)))
         });
         let robots = robots.collect::<Result<Vec<_>, _>>()?;
         let [first, ..] = robots.as_slice() else {
@@ -63,10 +70,26 @@ impl Robots {
     }
 }
 
-impl One {
-    fn load(folder: &Path, given: Member, name: Option<String>) -> Result<Self, SimError> {
-        let table = name.as_ref().map_or_else(|| "[robot]".to_owned(), |name| format!("[[robot]] '{name}'"));
-        let said = |why: String| refuse(format!("{table} {why}"));
+impl Body {
+    /// The tables of `[robot]` or `[[robot]]` of scenes in which the robots are the same: those keys of theirs that are read here.
+    pub fn keys(robot: &toml::Value) -> Vec<toml::Table> {
+        let own = [Loading::names(), vec!["srdf", "floating", "beam", "effort", "name"]].concat();
+        let part = |table: &toml::Table| {
+            let kept = table.iter().filter(|(key, _)| own.contains(&key.as_str()));
+            kept.map(|(key, value)| (key.clone(), value.clone())).collect()
+        };
+        match robot {
+            toml::Value::Array(all) => all.iter().filter_map(toml::Value::as_table).map(part).collect(),
+            one => one.as_table().map(part).into_iter().collect(),
+        }
+    }
+
+    fn read(
+        folder: &Path,
+        given: &Member,
+        name: Option<&str>,
+        said: &impl Fn(String) -> SimError,
+    ) -> Result<Self, SimError> {
         let (file, options) = given.load.options(folder).map_err(said)?;
         if given.start.srdf.as_ref().is_some_and(|file| file.as_os_str().is_empty()) {
             return Err(said("srdf is empty: give the path of the file".into()));
@@ -74,12 +97,24 @@ impl One {
         let srdf = given.start.srdf.as_ref().map(|file| folder.join(file));
         let options = LoadOptions { floating_base: given.start.floating, srdf, ..options };
         let robot = urdf::read_file(file, &options)?;
-        let (robot, springs) = divided(robot, &given.start.beam, &|joint| full(name.as_deref(), joint))?;
+        let (robot, springs) = divided(robot, &given.start.beam, &|joint| full(name, joint))?;
         let chain = Chain::from_robot(robot, &options).with_rotors(&options)?;
         let chain =
             given.start.effort.iter().try_fold(chain, |chain, (joint, limit)| chain.with_effort_limit(joint, *limit));
         let chain = chain.map_err(|why| said(format!("effort: {why}")))?;
         chain.check_dynamics()?;
+        Ok(Self { chain, springs })
+    }
+}
+
+impl One {
+    fn load(folder: &Path, given: Member, name: Option<String>, body: Option<&Body>) -> Result<Self, SimError> {
+        let table = name.as_ref().map_or_else(|| "[robot]".to_owned(), |name| format!("[[robot]] '{name}'"));
+        let said = |why: String| refuse(format!("{table} {why}"));
+        let Body { chain, springs } = match body {
+            Some(body) => body.clone(),
+            None => Body::read(folder, &given, name.as_deref(), &said)?,
+        };
         let q = start(&chain, &given).map_err(said)?;
         let robot = Self { name, table, chain, q, springs, given };
         robot.checked(robot.chain.check_state(&robot.q, &vec![0.0; robot.chain.nv()]))?;
@@ -163,6 +198,11 @@ impl Loaded {
             }
             None => Ok(()),
         }
+    }
+
+    /// The robots as they were read.
+    pub fn bodies(&self) -> Vec<Body> {
+        self.robots.iter().map(|it| Body { chain: it.chain.clone(), springs: it.springs.clone() }).collect()
     }
 
     /// The springs of all beams.
