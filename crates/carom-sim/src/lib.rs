@@ -66,4 +66,5 @@ pub use {
     motion::free_motion_at,
     run::{AtContact, NamedEvent, UnderLaw},
     scene::{from_toml, keys, path},
+    state::state_variables,
 };

@@ -2,12 +2,14 @@
 //!
 //! - [`map_study`]: impact maps from study files, with pictures and local optima;
 //! - [`fit`]: fits of restitution and friction to recorded impacts; [`Tosses`]: roll-outs of measured tosses;
+//! - [`aim`]: numbers of a scene that are chosen such that its motion meets conditions, at least cost;
 //! - [`orbit`]: periodic orbits, their multipliers, and branches of them over a parameter;
 //! - [`ensemble()`]: many runs of a scene from disturbed starts;
 //! - [`hodograph`], [`routh_diagram`], [`impulse_space`]: diagrams of one impact that compare laws;
 //! - [`self_motion()`], [`tangential_map`]: maps of three-link and two-link arms; [`Table`]: CSV and Parquet tables;
 //!   [`state_columns`], [`contact_columns`], [`load_columns`]: those of a simulation; [`Part`]: files that are complete or not there.
 
+pub mod aim;
 mod diagram;
 mod ensemble;
 pub mod fit;

@@ -234,6 +234,26 @@ impl Touch {
         touches
     }
 
+    /// The indices of those touches that a name means: that of a contact, of a link, or of a joint with limits.
+    ///
+    /// # Errors
+    /// A name that means none, with those that there are.
+    #[doc(hidden)] // for problem files
+    pub fn named(touches: &[Self], name: &str) -> Result<Vec<usize>, String> {
+        let meant = |touch: &Self| {
+            touch.name == name || touch.link() == Some(name) || touch.limit_of() == Some(name)
+        };
+        let found: Vec<usize> = (0..touches.len()).filter(|k| meant(&touches[*k])).collect();
+        if found.is_empty() {
+            let known: Vec<&str> = touches.iter().map(|touch| touch.name.as_str()).collect();
+            return Err(format!(
+                "contact = \"{name}\" is no contact, link or joint with limits: the contacts are {}",
+                known.join(", ")
+            ));
+        }
+        Ok(found)
+    }
+
     /// The shape of its link and that of the second link of a pair of links; none for a limit.
     pub(crate) fn shapes(&self) -> impl Iterator<Item = &LinkShape> {
         let (own, other) = match &self.kind {

@@ -63,6 +63,14 @@ pub struct NamedEvent<'a> {
     pub loads: Option<&'a EventLoads>,
 }
 
+impl NamedEvent<'_> {
+    /// Kind and contacts: `impact foot on floor`.
+    pub fn told(&self) -> String {
+        let contacts: Vec<&str> = self.contact.into_iter().chain(self.contacts.iter().copied()).collect();
+        if contacts.is_empty() { self.kind.to_owned() } else { format!("{} {}", self.kind, contacts.join(" and ")) }
+    }
+}
+
 impl Event {
     /// The event with the names of these contacts, those of its [`Simulation::touches`](crate::Simulation::touches).
     #[doc(hidden)]

@@ -23,6 +23,15 @@ impl Scene {
         Ok((size, Self { duration: self.duration, ..scene }))
     }
 
+    /// The number at the path of a key of the file.
+    ///
+    /// # Errors
+    /// [`SimError::Scene`]: a path that leads nowhere, a value that is no number.
+    pub fn number(&self, path: &str) -> Result<f64, SimError> {
+        let mut keys: toml::Table = self.text.parse().map_err(|e: toml::de::Error| refuse(e.to_string()))?;
+        path::get(&mut keys, path).map_err(|why| of_key(path, &why))
+    }
+
     /// The same scene with these numbers at the paths of keys of the file. The duration is that of this scene, and the start that of the
     /// file.
     ///
@@ -82,7 +91,8 @@ impl Scene {
     }
 
     /// The number of a controller of `[run]` at one joint, whose derivative has a closed form.
-    fn of_drive(&self, path: &str) -> Option<Parameter> {
+    #[doc(hidden)]
+    pub fn of_drive(&self, path: &str) -> Option<Parameter> {
         let (key, joint) = path.strip_prefix("run.")?.split_once(['.', '['])?;
         if self.simulation.after_impact.is_some() {
             return None; // its controller may read the same key

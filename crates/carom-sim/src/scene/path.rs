@@ -10,6 +10,19 @@ pub fn add(keys: &mut Table, path: &str, change: f64) -> Result<f64, String> {
     replace(keys, path, |own| own + change)
 }
 
+/// The number at a path.
+///
+/// # Errors
+/// As [`add`].
+pub fn get(keys: &mut Table, path: &str) -> Result<f64, String> {
+    let mut found = 0.0;
+    replace(keys, path, |own| {
+        found = own;
+        own
+    })?;
+    Ok(found)
+}
+
 /// Sets the number at a path.
 ///
 /// # Errors
@@ -18,7 +31,7 @@ pub fn set(keys: &mut Table, path: &str, number: f64) -> Result<(), String> {
     replace(keys, path, |_| number).map(drop)
 }
 
-fn replace(keys: &mut Table, path: &str, by: impl Fn(f64) -> f64) -> Result<f64, String> {
+fn replace(keys: &mut Table, path: &str, by: impl FnOnce(f64) -> f64) -> Result<f64, String> {
     let size = |value: &Value| number(value).map_or(0.0, f64::abs);
     let (at, part) = place(keys, path)?;
     let list = part.split_once('[').and_then(|(list, _)| at.get(list)?.as_array());

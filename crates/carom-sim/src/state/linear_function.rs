@@ -28,7 +28,7 @@ impl LinearFunction {
             );
         };
         let names = parsed.var_names().to_vec();
-        let known = names_of(chain);
+        let known = state_variables(chain);
         let mut indices = Vec::new();
         for name in &names {
             let Some((_, index)) = known.iter().find(|(known, _)| known == name) else {
@@ -78,8 +78,8 @@ impl LinearFunction {
     }
 }
 
-/// The numbers of (q, qd) of which functions are made, with their indices.
-fn names_of(chain: &Chain) -> Vec<(String, usize)> {
+/// The numbers of (q, qd) of which functions are made: their names in formulas, and their indices.
+pub fn state_variables(chain: &Chain) -> Vec<(String, usize)> {
     let (mut names, nq) = (Vec::new(), chain.nq());
     for joint in chain.joints() {
         let Coordinates::Own { q, v } = &joint.coordinates else { continue };

@@ -15,7 +15,7 @@ pub(crate) use accuracy::{CLEAR, EQUAL, EXACT, GROWTH, MANY, MAX_STEPS, NOTICED,
 pub(crate) use basis::{Basis, Spread};
 pub(crate) use closing::close_loops;
 pub(crate) use coupling::{Coupling, Loops};
-pub use linear_function::LinearFunction;
+pub use linear_function::{LinearFunction, state_variables};
 pub use moment::{ContactImpulse, Moment};
 pub use profile::Profile;
 pub(crate) use profile::{between, check_rows, next_of};

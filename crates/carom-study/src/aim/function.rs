@@ -1,0 +1,185 @@
+//! Functions of states, impacts and unknowns, from formulas.
+//!
+//! Their derivatives are central differences of fourth order: a function needs the kinematics of one state only, so that they cost little
+//! beside a run, and their error is that of rounding, about 1e-11.
+
+use carom_chain::{FrameId, Spatial, Workspace};
+use carom_sim::{SimError, Simulation, state_variables};
+use exmex::prelude::*;
+
+/// A function from a formula.
+#[derive(Clone)]
+pub(super) struct Function {
+    parsed: FlatEx<f64>,
+    variables: Vec<Variable>,
+}
+
+#[derive(Clone, Copy)]
+enum Variable {
+    /// A number of (q, qd).
+    State(usize),
+    /// A coordinate of the origin of a link.
+    Place(FrameId, usize),
+    /// A component of its velocity.
+    Speed(FrameId, usize),
+    Time,
+    /// The normal impulses of the named contacts, N s.
+    Impulse,
+    /// The kinetic energy that the impact takes, J.
+    Lost,
+    Unknown(usize),
+}
+
+/// Where a function is evaluated: a state, or an impact with the states before and after it.
+#[derive(Clone, Copy)]
+pub(super) struct Point<'a> {
+    pub sim: &'a Simulation,
+    pub time: f64,
+    pub q: &'a [f64],
+    /// The velocities before and after; the same without an impact.
+    pub qd: [&'a [f64]; 2],
+    /// Which of them counts: 0 or 1.
+    pub side: usize,
+    /// The touches of the impact, and those among them that count.
+    pub struck: &'a [usize],
+    pub counts: &'a [usize],
+    pub unknowns: &'a [f64],
+}
+
+/// The derivatives of a function: by a displacement of q and by the velocities before and after; by time and by the unknowns.
+pub(super) struct Slope {
+    pub q: Vec<f64>,
+    pub qd: [Vec<f64>; 2],
+    pub time: f64,
+    pub unknowns: Vec<f64>,
+}
+
+impl Function {
+    /// Reads a formula of the state of a scene and of these unknowns; with `impact` it may have `impulse` and `lost`.
+    pub fn of(formula: &str, sim: &Simulation, unknowns: &[String], impact: bool) -> Result<Self, String> {
+        let refuse = |why: String| format!("\"{formula}\" {why}");
+        let parsed = FlatEx::<f64>::parse(formula).map_err(|e| {
+            refuse(format!(
+                "is no formula: {e}; names with other characters than letters, digits and underscores stand in braces, as {{qd elbow}}; \
+                 numbers are written as 0.001"
+            ))
+        })?;
+        let states = state_variables(&sim.chain);
+        let find = |name: &String| {
+            if let Some((_, k)) = states.iter().find(|(known, _)| known == name) {
+                return Ok(Variable::State(*k));
+            }
+            if let Some(k) = unknowns.iter().position(|own| own == name) {
+                return Ok(Variable::Unknown(k));
+            }
+            match name.as_str() {
+                "time" => return Ok(Variable::Time),
+                "impulse" if impact => return Ok(Variable::Impulse),
+                "lost" if impact => return Ok(Variable::Lost),
+                "impulse" | "lost" => return Err(refuse(format!("has {name}, which an impact has: name its contact"))),
+                _ => {}
+            }
+            if let Some((link, part)) = name.rsplit_once('.')
+                && let Ok(frame) = sim.chain.frame(link)
+            {
+                let (is_speed, axis) = part.strip_prefix('v').map_or((false, part), |axis| (true, axis));
+                if let Some(axis) = ["x", "y", "z"].iter().position(|own| *own == axis) {
+                    return Ok(if is_speed { Variable::Speed(frame, axis) } else { Variable::Place(frame, axis) });
+                }
+            }
+            let known: Vec<&str> = states.iter().map(|(name, _)| name.as_str()).collect();
+            let own: Vec<&str> = unknowns.iter().map(String::as_str).collect();
+            Err(refuse(format!(
+                "has no variable '{name}': there are the state, {}; places and velocities of links, as {{LINK.x}} and {{LINK.vx}}; \
+                 time; of an impact impulse and lost; and the unknowns, {}",
+                known.join(", "),
+                own.join(", ")
+            )))
+        };
+        let variables = parsed.var_names().iter().map(find).collect::<Result<_, _>>()?;
+        Ok(Self { parsed, variables })
+    }
+
+    /// Its value.
+    pub fn at(&self, point: &Point, workspace: &mut Workspace<Spatial<f64>>) -> Result<f64, SimError> {
+        let values = self.variables.iter().map(|variable| variable.at(point, workspace));
+        let values = values.collect::<Result<Vec<_>, SimError>>()?;
+        Ok(self.parsed.eval(&values).unwrap_or(f64::NAN))
+    }
+
+    /// Its derivatives.
+    pub fn slope(&self, point: &Point, workspace: &mut Workspace<Spatial<f64>>) -> Result<Slope, SimError> {
+        let chain = &point.sim.chain;
+        let nv = chain.nv();
+        let has = |of: fn(&Variable) -> bool| self.variables.iter().any(of);
+        let of_state = has(|it| !matches!(it, Variable::Time | Variable::Unknown(_)));
+        let of_both = has(|it| matches!(it, Variable::Impulse | Variable::Lost));
+        let mut slope = Slope {
+            q: vec![0.0; nv],
+            qd: [vec![0.0; nv], vec![0.0; nv]],
+            time: 0.0,
+            unknowns: vec![0.0; point.unknowns.len()],
+        };
+        for v in (0..nv).filter(|_| of_state) {
+            let mut unit = vec![0.0; nv];
+            unit[v] = 1.0;
+            slope.q[v] = difference(1.0, |by| {
+                let q = chain.integrate(point.q, &unit, by)?;
+                self.at(&Point { q: &q, ..*point }, workspace)
+            })?;
+            for side in [0, 1].into_iter().filter(|side| of_both || *side == point.side) {
+                slope.qd[side][v] = difference(1.0 + point.qd[side][v].abs(), |by| {
+                    let mut moved = point.qd[side].to_vec();
+                    moved[v] += by;
+                    let mut qd = point.qd;
+                    qd[side] = &moved;
+                    self.at(&Point { qd, ..*point }, workspace)
+                })?;
+            }
+        }
+        if has(|it| matches!(it, Variable::Time)) {
+            slope.time = difference(1.0, |by| self.at(&Point { time: point.time + by, ..*point }, workspace))?;
+        }
+        for variable in &self.variables {
+            if let Variable::Unknown(k) = variable {
+                slope.unknowns[*k] = difference(1.0 + point.unknowns[*k].abs(), |by| {
+                    let mut unknowns = point.unknowns.to_vec();
+                    unknowns[*k] += by;
+                    self.at(&Point { unknowns: &unknowns, ..*point }, workspace)
+                })?;
+            }
+        }
+        Ok(slope)
+    }
+}
+
+impl Variable {
+    fn at(self, point: &Point, workspace: &mut Workspace<Spatial<f64>>) -> Result<f64, SimError> {
+        let (sim, qd) = (point.sim, point.qd[point.side]);
+        let chain = &sim.chain;
+        let origin = |frame| chain.point(frame, nalgebra::Vector3::zeros());
+        Ok(match self {
+            Self::State(k) => point.q.get(k).copied().unwrap_or_else(|| qd[k - point.q.len()]),
+            Self::Place(frame, axis) => workspace.update(chain, point.q)?.position(origin(frame))[axis],
+            Self::Speed(frame, axis) => workspace.update(chain, point.q)?.point_velocity(origin(frame), qd)?[axis],
+            Self::Time => point.time,
+            Self::Impulse => {
+                let impulses = sim.normal_impulses(point.struck, point.q, point.qd, point.time)?;
+                point.struck.iter().zip(impulses).filter(|(touch, _)| point.counts.contains(touch)).map(|(_, p)| p).sum()
+            }
+            Self::Lost => {
+                let mut at = workspace.update(chain, point.q)?;
+                at.kinetic_energy(point.qd[0])? - at.kinetic_energy(point.qd[1])?
+            }
+            Self::Unknown(k) => point.unknowns[k],
+        })
+    }
+}
+
+/// The derivative of a function of a number of this size at 0.
+pub(super) fn difference(size: f64, mut at: impl FnMut(f64) -> Result<f64, SimError>) -> Result<f64, SimError> {
+    /// Of the error of the formula, h⁴, and that of rounding, ε/h, neither is above 1e-11.
+    const STEP: f64 = 1e-3;
+    let h = STEP * size;
+    Ok(((at(h)? - at(-h)?) * 8.0 - (at(2.0 * h)? - at(-2.0 * h)?)) / (12.0 * h))
+}

@@ -1,0 +1,154 @@
+//! Aims: numbers of a scene that are chosen such that its motion meets conditions, at least cost.
+//!
+//! | symbol | meaning | our name |
+//! | --- | --- | --- |
+//! | u | unknowns: numbers of the scene, torques at knots | `problem.rs` |
+//! | c(u) | values of the conditions, each of a state, an impact or u | `function.rs` |
+//! | f(u) | cost | [`Found::cost`] |
+//! | ∂c, ∂f | derivatives of the whole run through its impacts, in reverse | `evaluate.rs` |
+//!
+//! The conditions are aᵢ ≤ cᵢ(u) ≤ bᵢ (aᵢ = bᵢ for an equation), the unknowns have bounds. Sequential quadratic programming with a trust region
+//! finds u: `search.rs`.
+
+mod evaluate;
+mod function;
+mod problem;
+mod search;
+
+pub use problem::Problem;
+
+use carom_sim::SimError;
+use serde::Serialize;
+
+/// What was found.
+#[derive(Debug, Clone, Serialize)]
+pub struct Found {
+    /// The unknowns.
+    pub unknowns: Vec<Unknown>,
+    /// The conditions.
+    pub conditions: Vec<Met>,
+    /// The cost; 0 without one.
+    pub cost: f64,
+    /// The events of the motion.
+    pub events: Vec<Happened>,
+    /// The steps of the search.
+    pub steps: Vec<Step>,
+    /// Number of runs.
+    pub runs: usize,
+    /// Number of runs with derivatives.
+    pub differentiated: usize,
+    /// Why the search ended.
+    pub end: End,
+}
+
+/// An unknown.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Unknown {
+    /// Its name: the path of its key, its own name, or `torque JOINT K` of the K-th knot.
+    pub name: String,
+    /// Its value at the start of the search.
+    pub first: f64,
+    /// Its value.
+    pub found: f64,
+    /// Whether it is at one of its bounds.
+    pub at_bound: bool,
+}
+
+/// A condition at the end of the search.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Met {
+    /// What is asked: its formula with where it holds and what it is to be.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// How far it is from what is asked.
+    pub miss: f64,
+}
+
+/// An event of a motion.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Happened {
+    /// Time since the start, s.
+    pub time: f64,
+    /// Kind and contacts: `impact foot on floor`.
+    pub what: String,
+}
+
+/// A step of the search.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Step {
+    /// Largest miss of a condition after it.
+    pub miss: f64,
+    /// Cost after it.
+    pub cost: f64,
+    /// Largest change of an unknown, as a share of its range or size.
+    pub change: f64,
+    /// Events that the motion has now and had not before the step, `+`, and the reverse, `-`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub events: Vec<String>,
+}
+
+/// Why a search that meets all conditions ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum End {
+    /// Without a cost: all conditions are met.
+    Met,
+    /// The cost does not decrease to first order.
+    Least,
+    /// At a kink or jump of the motion, as where an event appears, no shorter step decreases the cost.
+    Kink,
+    /// After the greatest number of steps.
+    Steps,
+}
+
+impl End {
+    /// In words.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Met => "all conditions are met",
+            Self::Least => "all conditions are met, at a least cost nearby",
+            Self::Kink => "all conditions are met; at a kink or jump of the motion, where no shorter step lowers the cost",
+            Self::Steps => "all conditions are met; the greatest number of steps is reached, and the cost still falls",
+        }
+    }
+}
+
+/// Why an aim is not reached.
+#[derive(Debug, Clone, thiserror::Error)]
+#[non_exhaustive]
+pub enum AimError {
+    /// The problem file breaks a rule.
+    #[error("{file}: {rule}")]
+    File {
+        /// The file.
+        file: String,
+        /// Key, value, the rule that is broken, and what to do.
+        rule: String,
+    },
+    /// The scene, or a run of it, fails.
+    #[error(transparent)]
+    Run(#[from] SimError),
+    /// The motion has no such impact.
+    #[error("{condition}: the motion has {found} impacts of {contact}: its events are {seen}; choose a start that has one")]
+    NoImpact {
+        /// The condition or cost.
+        condition: String,
+        /// The contact.
+        contact: String,
+        /// Number of impacts of this contact.
+        found: usize,
+        /// The events that were seen.
+        seen: String,
+    },
+    /// The search does not meet the conditions.
+    #[error("not reached after {steps} steps: {missed}; {why}")]
+    NotMet {
+        /// Number of steps.
+        steps: usize,
+        /// The conditions that are missed, each with its value.
+        missed: String,
+        /// Why the search ended, and what to do.
+        why: &'static str,
+    },
+}
