@@ -48,6 +48,8 @@ pub struct Outputs {
     pub picture: Option<PathBuf>,
     /// Recording: .rrd.
     pub recording: Option<PathBuf>,
+    /// Scene: .toml.
+    pub scene: Option<PathBuf>,
 }
 
 /// What an output of a command holds.
@@ -56,6 +58,7 @@ pub enum Kind {
     Table,
     Picture,
     Recording,
+    Scene,
 }
 
 impl Kind {
@@ -65,6 +68,7 @@ impl Kind {
             Self::Table => ("table", &["csv", "parquet"]),
             Self::Picture => ("picture", &["svg"]),
             Self::Recording => ("recording", &["rrd"]),
+            Self::Scene => ("scene", &["toml"]),
         }
     }
 }
@@ -90,6 +94,7 @@ impl Outputs {
                 }
                 Some(Kind::Picture) => ("picture", &mut all.picture),
                 Some(Kind::Recording) => ("recording", &mut all.recording),
+                Some(Kind::Scene) => ("scene", &mut all.scene),
                 None => {
                     let one = |kind: &Kind| format!(".{} for a {}", kind.named().1.join(" or ."), kind.named().0);
                     let known = kinds.iter().map(one).collect::<Vec<_>>().join(", ");
@@ -106,7 +111,8 @@ impl Outputs {
     /// All files that are written, for [`check`].
     pub fn files(&self) -> Vec<(&'static str, Option<&Path>)> {
         let tables = self.tables.iter().filter(|path| *path != Path::new("-"));
-        tables.chain(&self.picture).chain(&self.recording).map(|path| ("--out", Some(path.as_path()))).collect()
+        let others = self.picture.iter().chain(&self.recording).chain(&self.scene);
+        tables.chain(others).map(|path| ("--out", Some(path.as_path()))).collect()
     }
 }
 

@@ -8,6 +8,7 @@
 //! before they read the next, so the answers to the lines before a refused one are on standard output. A file that is named
 //! by an option is complete or not there.
 
+mod aim;
 mod chart;
 mod compare;
 mod completions;
@@ -22,6 +23,7 @@ mod input;
 mod inspect;
 mod law;
 mod map;
+mod motion;
 mod orbit;
 mod output;
 mod paper;
@@ -103,6 +105,7 @@ enum Use {
     Map(map::MapCommand),
     Plan(plan::PlanCommand),
     Simulate(simulate::Simulate),
+    Aim(aim::AimCommand),
     Orbit(orbit::OrbitCommand),
     Tosses(tosses::TossesCommand),
     Fit(fit::FitCommand),
@@ -157,6 +160,7 @@ fn main() -> ExitCode {
             Use::Map(command) => command.run(stdout),
             Use::Plan(command) => command.run(stdout),
             Use::Simulate(command) => command.run(stdout),
+            Use::Aim(command) => command.run(stdout),
             Use::Orbit(command) => command.run(stdout),
             Use::Tosses(command) => command.run(stdout),
             Use::Fit(command) => command.run(stdout),

@@ -3,6 +3,7 @@
 use carom_chain::ChainError;
 use carom_impact::ImpactError;
 use carom_sim::SimError;
+use carom_study::aim::AimError;
 use carom_study::fit::FitError;
 use carom_study::map_study::StudyError;
 use carom_study::orbit::OrbitError;
@@ -80,6 +81,15 @@ impl Raise for TableError {
 }
 
 impl Raise for OrbitError {
+    fn raise(&self, at: &str) -> PyErr {
+        match self {
+            Self::Run(error) => error.raise(at),
+            _ => exceptions::StudyError::new_err(format!("{at}{self}")),
+        }
+    }
+}
+
+impl Raise for AimError {
     fn raise(&self, at: &str) -> PyErr {
         match self {
             Self::Run(error) => error.raise(at),

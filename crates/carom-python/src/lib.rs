@@ -34,6 +34,7 @@ macro_rules! getters {
     };
 }
 
+mod aim;
 mod array;
 mod batch;
 mod callable;
@@ -71,6 +72,8 @@ use pyo3::prelude::*;
 mod _carom {
     use pyo3::prelude::*;
 
+    #[pymodule_export]
+    use crate::aim::aim;
     #[pymodule_export]
     use crate::chain::Chain;
     #[pymodule_export]

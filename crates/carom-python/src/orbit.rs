@@ -14,13 +14,13 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// A problem as it is given.
-enum Given {
+pub(crate) enum Given {
     File(PathBuf),
     Text(String, PathBuf),
 }
 
 impl Given {
-    fn of(problem: &Bound<'_, PyAny>, folder: PathBuf) -> PyResult<Self> {
+    pub(crate) fn of(problem: &Bound<'_, PyAny>, folder: PathBuf) -> PyResult<Self> {
         if problem.is_instance_of::<PyMapping>() {
             return Ok(Self::Text(toml_text(problem)?, folder));
         }

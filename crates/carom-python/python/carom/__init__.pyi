@@ -1683,6 +1683,11 @@ def compare(
         FitError: too few measurements, an option out of its range, data that cannot be read.
         TypeError: data of no or of several kinds.
     """
+def aim(
+    problem: _Path | Mapping[str, Any], *, starts: int | None = None, seed: int = 0, folder: _Path = "."
+) -> dict[str, Any]:
+    """Chooses numbers of a scene such that its motion meets conditions, at least cost.
+    """
 def orbit(
     problem: _Path | Mapping[str, Any], *, branch: bool = False, folder: _Path = "."
 ) -> dict[str, Any]:

@@ -240,9 +240,7 @@ impl Touch {
     /// A name that means none, with those that there are.
     #[doc(hidden)] // for problem files
     pub fn named(touches: &[Self], name: &str) -> Result<Vec<usize>, String> {
-        let meant = |touch: &Self| {
-            touch.name == name || touch.link() == Some(name) || touch.limit_of() == Some(name)
-        };
+        let meant = |touch: &Self| touch.name == name || touch.link() == Some(name) || touch.limit_of() == Some(name);
         let found: Vec<usize> = (0..touches.len()).filter(|k| meant(&touches[*k])).collect();
         if found.is_empty() {
             let known: Vec<&str> = touches.iter().map(|touch| touch.name.as_str()).collect();

@@ -18,7 +18,7 @@ use super::sampler::Step;
 use crate::error::SimError;
 use crate::model::Place;
 use crate::motion::{Hold, Lasting, Linear};
-use crate::state::Space;
+use crate::state::{STEPS, Space};
 use nalgebra::{DMatrix, DVector, DVectorView, Dyn, LU, Matrix4, Vector3, Vector4};
 
 /// Largest step of these differences relative to the distance to the nearest kink.
@@ -376,21 +376,25 @@ impl LinearStep {
         Some(after)
     }
 
-    /// λ before the step, from λ after it; the derivatives by the parameters are added to `gradient`. It is the transpose of
-    /// [`forward`](Self::forward): both agree to rounding.
-    pub fn reverse(&self, gauss: &Gauss, lambda: &DVector<f64>, gradient: &mut DVector<f64>) -> Option<DVector<f64>> {
+    /// λ before the step, from λ after it, a column for each number that is differentiated; the derivatives by the parameters are added to
+    /// `gradients`. It is the transpose of [`forward`](Self::forward): both agree to rounding.
+    pub fn reverse(&self, gauss: &Gauss, lambda: &DMatrix<f64>, gradients: &mut DMatrix<f64>) -> Option<DMatrix<f64>> {
         let (nq, r) = self.sizes;
-        let h = self.h;
+        let (h, m) = (self.h, lambda.ncols());
         let ahead = gauss.a.tr_mul(&gauss.b);
-        let mut weights = DVector::zeros(4 * r);
+        let mut right = DMatrix::zeros(4 * r, m);
         for i in 0..4 {
-            weights.rows_mut(i * r, r).copy_from(&(lambda.rows(nq, r) * (h * gauss.b[i])));
-            let mut velocities = weights.rows_mut(i * r, nq);
+            right.rows_mut(i * r, r).copy_from(&(lambda.rows(nq, r) * (h * gauss.b[i])));
+            let mut velocities = right.rows_mut(i * r, nq);
             velocities += lambda.rows(0, nq) * (h * h * ahead[i]);
         }
-        if r > 0 && !self.stages(gauss, true).solve_mut(&mut weights) {
-            return None;
-        }
+        let weights = match self.iterated(gauss, &right) {
+            Some(weights) => weights,
+            None => {
+                self.stages(gauss, true).solve_mut(&mut right).then_some(())?;
+                right
+            }
+        };
         let mut before = lambda.clone();
         let mut velocities = before.rows_mut(nq, nq);
         velocities += lambda.rows(0, nq) * h;
@@ -401,8 +405,40 @@ impl LinearStep {
             let mut velocities = before.rows_mut(nq, nq);
             velocities += back.rows(0, nq) * (h * Step::POINTS[i]);
             let by = self.pushes[i].tr_mul(&own);
-            self.acting.iter().zip(by.iter()).for_each(|(&p, by)| gradient[p] += by);
+            for (row, &p) in self.acting.iter().enumerate() {
+                let mut gradient = gradients.row_mut(p);
+                gradient += by.row(row);
+            }
         }
         Some(before)
+    }
+
+    /// The solution w of the transposed equations of the stages, w = `right` + h (…)ᵀ w, by iteration, without their matrix: steps of the explicit
+    /// integrators are so short that few iterations reach rounding. `None` where they are not.
+    fn iterated(&self, gauss: &Gauss, right: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let (nq, r) = self.sizes;
+        let square = gauss.a * gauss.a;
+        let mut weights = right.clone();
+        for _ in 0..STEPS {
+            let mut next = right.clone();
+            for (i, slope) in self.slopes.iter().enumerate() {
+                let back = slope.tr_mul(&weights.rows(i * r, r));
+                for j in 0..4 {
+                    let mut own = next.rows_mut(j * r, r);
+                    own += back.rows(nq, r) * (self.h * gauss.a[(i, j)]);
+                    let mut velocities = next.rows_mut(j * r, nq);
+                    velocities += back.rows(0, nq) * (self.h * self.h * square[(i, j)]);
+                }
+            }
+            let settled = next.column_iter().zip(weights.column_iter()).all(|(new, old)| {
+                let apart = new.iter().zip(old.iter()).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
+                apart <= f64::EPSILON * new.amax()
+            });
+            weights = next;
+            if settled {
+                return Some(weights);
+            }
+        }
+        None
     }
 }

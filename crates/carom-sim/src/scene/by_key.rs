@@ -2,7 +2,8 @@
 
 use super::{Body, Scene, in_file, path, refuse};
 use crate::error::SimError;
-use crate::model::{Parameter, Simulation};
+use crate::model::{Drive, Parameter, Simulation};
+use carom_chain::JointCoordinate;
 
 /// The share of a number by which it is changed to see what depends on it.
 const CHANGE: f64 = 1e-5;
@@ -90,26 +91,36 @@ impl Scene {
         self.parameter_by(path, |scene, path, change| scene.with_number(path, change))
     }
 
-    /// The number of a controller of `[run]` at one joint, whose derivative has a closed form.
+    /// The number of a controller at one joint, whose derivative has a closed form: `run.kp.elbow`, `robot[0].target[2]`.
     #[doc(hidden)]
     pub fn of_drive(&self, path: &str) -> Option<Parameter> {
-        let (key, joint) = path.strip_prefix("run.")?.split_once(['.', '['])?;
-        if self.simulation.after_impact.is_some() {
-            return None; // its controller may read the same key
-        }
+        let (table, rest) = path.split_once('.')?;
+        let (key, joint) = rest.split_once(['.', '['])?;
         let chain = &self.simulation.chain;
+        // The first numbers of q and qd of the robot, and the prefix of its joints.
+        let (first, prefix) = match table.strip_prefix("robot[").and_then(|k| k.strip_suffix(']')) {
+            None if table == "run" && self.simulation.after_impact.is_none() => ((0, 0), String::new()),
+            None => return None,
+            Some(k) => {
+                let member = chain.members().get(k.parse::<usize>().ok()?)?;
+                let Drive::Robots(drives) = &self.simulation.drive else { return None };
+                let own = drives.iter().find(|own| own.robot == member.name)?;
+                own.after_impact.is_none().then_some(((member.q.start, member.v.start), format!("{}/", member.name)))?
+            }
+        };
         let joint = match joint.strip_suffix(']') {
-            None => joint.to_owned(),
+            None => format!("{prefix}{joint}"),
             Some(index) => {
                 let index: usize = index.parse().ok()?;
-                let mut own = chain.joints().iter().filter_map(|own| Some((own, chain.coordinate_of(own)?)));
-                let (own, _) = own.find(|(_, at)| index == if key == "target" { at.q } else { at.v })?;
-                own.name.clone()
+                let place = |at: &JointCoordinate| if key == "target" { at.q - first.0 } else { at.v - first.1 };
+                let own = chain.joints().iter().filter(|own| own.name.starts_with(&prefix));
+                let mut own = own.filter_map(|own| Some((own, chain.coordinate_of(own)?)));
+                own.find(|(_, at)| index == place(at))?.0.name.clone()
             }
         };
         let name = format!("{key} {joint}");
-        let is_joint = chain.joint(&joint).is_ok() && self.with_number(path, 0.0).is_ok();
-        let mut all = is_joint.then(|| Parameter::all(&self.simulation)).into_iter().flatten();
+        let is_number = chain.joint(&joint).is_ok() && self.number(path).is_ok();
+        let mut all = is_number.then(|| Parameter::all(&self.simulation)).into_iter().flatten();
         all.find(|own| own.name() == name).map(|own| own.named(path))
     }
 

@@ -54,8 +54,14 @@ impl Problem {
             }
         })?;
         let last = &run.last;
-        let outcome =
-            Outcome { plan: &plan, unknowns: u, time: last.time, q: &last.q, qd: &last.qd, events: events.iter().collect() };
+        let outcome = Outcome {
+            plan: &plan,
+            unknowns: u,
+            time: last.time,
+            q: &last.q,
+            qd: &last.qd,
+            events: events.iter().collect(),
+        };
         let mut workspace = plan.simulation.chain.workspace();
         let values = self.functions().map(|(name, function, place)| {
             let counts = place.touches();
@@ -64,16 +70,17 @@ impl Problem {
         let mut conditions = values.collect::<Result<Vec<f64>, AimError>>()?;
         if let Some(k) = conditions.iter().position(|x| !x.is_finite()) {
             let name = self.functions().nth(k).map_or_else(String::new, |(name, ..)| name.to_owned());
-            return Err(AimError::File { file: name, rule: "is no finite number: its formula has no value there".into() });
+            return Err(AimError::File {
+                file: name,
+                rule: "is no finite number: its formula has no value there".into(),
+            });
         }
         let costs = conditions.split_off(self.conditions.len());
         let of = self.given.torque.as_ref().filter(|_| self.effort > 0.0);
         let effort = of.map_or(0.0, |torque| torque.effort(&u[self.given.unknowns.len()..], duration).0);
         let start = plan.simulation.start_time;
-        let told = |event: &Event| Happened {
-            time: event.time - start,
-            what: event.named(&plan.simulation.touches).told(),
-        };
+        let told =
+            |event: &Event| Happened { time: event.time - start, what: event.named(&plan.simulation.touches).told() };
         Ok(Values { conditions, costs, effort, events: events.iter().map(told).collect() })
     }
 
@@ -90,12 +97,16 @@ impl Problem {
         let outcome = Outcome { plan: &plan, unknowns: u, time: last.time, q: &last.q, qd: &last.qd, events };
         let mut workspace = plan.simulation.chain.workspace();
         let (n, nv) = (u.len(), plan.simulation.chain.nv());
-        let mut rows = Vec::new();
+        let mut slopes = Vec::new();
         for (name, function, place) in self.functions() {
             let point = outcome.point(place, name)?.counting(place.touches());
             let slope = function.slope(&point, &mut workspace)?;
             let by = by_outcome(&run, place, &slope);
-            let gradient = run.gradient(&by)?;
+            slopes.push((place, slope, by));
+        }
+        let all: Vec<ByOutcome> = slopes.iter().map(|(.., by)| by.clone()).collect();
+        let mut rows = Vec::new();
+        for ((place, slope, by), gradient) in slopes.iter().zip(run.gradients(&all)?) {
             let mut row = vec![0.0; n];
             for (k, start) in &starts {
                 row[*k] += start.iter().zip(&gradient).map(|(x, by)| x * by).sum::<f64>();
@@ -259,7 +270,8 @@ fn by_outcome(run: &LinearRun, place: &Place, slope: &Slope) -> ByOutcome {
     match index {
         None => ByOutcome { last: after, ..ByOutcome::default() },
         Some(k) => {
-            let some = |weights: Vec<f64>| if weights.iter().all(|x| *x == 0.0) { Vec::new() } else { vec![(k, weights)] };
+            let some =
+                |weights: Vec<f64>| if weights.iter().all(|x| *x == 0.0) { Vec::new() } else { vec![(k, weights)] };
             let times = if slope.time == 0.0 { Vec::new() } else { vec![(k, slope.time)] };
             ByOutcome { last: vec![0.0; before.len()], times, before: some(before), after: some(after) }
         }

@@ -165,7 +165,13 @@ impl Variable {
             Self::Time => point.time,
             Self::Impulse => {
                 let impulses = sim.normal_impulses(point.struck, point.q, point.qd, point.time)?;
-                point.struck.iter().zip(impulses).filter(|(touch, _)| point.counts.contains(touch)).map(|(_, p)| p).sum()
+                point
+                    .struck
+                    .iter()
+                    .zip(impulses)
+                    .filter(|(touch, _)| point.counts.contains(touch))
+                    .map(|(_, p)| p)
+                    .sum()
             }
             Self::Lost => {
                 let mut at = workspace.update(chain, point.q)?;

@@ -19,6 +19,7 @@ pub use problem::Problem;
 
 use carom_sim::SimError;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// What was found.
 #[derive(Debug, Clone, Serialize)]
@@ -108,7 +109,9 @@ impl End {
         match self {
             Self::Met => "all conditions are met",
             Self::Least => "all conditions are met, at a least cost nearby",
-            Self::Kink => "all conditions are met; at a kink or jump of the motion, where no shorter step lowers the cost",
+            Self::Kink => {
+                "all conditions are met; at a kink or jump of the motion, where no shorter step lowers the cost"
+            }
             Self::Steps => "all conditions are met; the greatest number of steps is reached, and the cost still falls",
         }
     }
@@ -130,7 +133,9 @@ pub enum AimError {
     #[error(transparent)]
     Run(#[from] SimError),
     /// The motion has no such impact.
-    #[error("{condition}: the motion has {found} impacts of {contact}: its events are {seen}; choose a start that has one")]
+    #[error(
+        "{condition}: the motion has {found} impacts of {contact}: its events are {seen}; choose a start that has one"
+    )]
     NoImpact {
         /// The condition or cost.
         condition: String,
@@ -142,13 +147,82 @@ pub enum AimError {
         seen: String,
     },
     /// The search does not meet the conditions.
-    #[error("not reached after {steps} steps: {missed}; {why}")]
+    #[error("not reached after {steps} steps: {missed}; {}", why.text())]
     NotMet {
         /// Number of steps.
         steps: usize,
         /// The conditions that are missed, each with its value.
         missed: String,
-        /// Why the search ended, and what to do.
-        why: &'static str,
+        /// Why the search ended.
+        why: Stuck,
     },
+    /// None of many searches meets the conditions.
+    #[error("none of {} starts reaches the aim ({}); the first one: {first}", starts.count, starts.told())]
+    NoneReached {
+        /// The starts.
+        starts: Starts,
+        /// The first error.
+        first: Box<AimError>,
+    },
+}
+
+/// What came of searches from many starts.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Starts {
+    /// Number of starts.
+    pub count: u64,
+    /// Number of those whose search meets all conditions.
+    pub reached: u64,
+    /// Number of the others, by the reason.
+    pub failed: BTreeMap<&'static str, u64>,
+}
+
+/// Why a search ends without meeting its conditions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stuck {
+    /// After the greatest number of steps.
+    Steps,
+    /// At a kink or a jump of the motion.
+    Kink,
+    /// No unknown brings the conditions nearer to first order.
+    Flat,
+}
+
+impl Stuck {
+    fn text(self) -> &'static str {
+        match self {
+            Self::Steps => "the search has used its steps: give more, [search] steps",
+            Self::Kink => {
+                "the motion has a kink or a jump there, as where an impact appears: choose another start of the search"
+            }
+            Self::Flat => {
+                "no unknown brings them nearer to first order: give more unknowns, wider bounds, or another start of the search"
+            }
+        }
+    }
+}
+
+impl Starts {
+    fn told(&self) -> String {
+        let told = self.failed.iter().map(|(why, count)| format!("{count}: {why}"));
+        told.collect::<Vec<_>>().join("; ")
+    }
+}
+
+impl AimError {
+    /// The kind, in words: of searches from many starts those of one kind are counted.
+    fn kind(&self) -> &'static str {
+        match self {
+            Self::File { .. } => "the problem is refused",
+            Self::Run(SimError::Overlap { .. }) => "bodies overlap at the start",
+            Self::Run(SimError::NoDerivative { .. }) => "the first motion has no derivative",
+            Self::Run(SimError::Jam { .. }) => "a motion jams",
+            Self::Run(_) => "the first motion fails",
+            Self::NoneReached { .. } => "no start reaches the aim",
+            Self::NoImpact { .. } => "the first motion lacks an impact of a condition",
+            Self::NotMet { why: Stuck::Steps, .. } => "the steps are used",
+            Self::NotMet { why: Stuck::Kink, .. } => "a kink or a jump of the motion",
+            Self::NotMet { why: Stuck::Flat, .. } => "the conditions do not come nearer to first order",
+        }
+    }
 }

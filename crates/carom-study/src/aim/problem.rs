@@ -7,7 +7,7 @@ use carom_sim::{Drive, Plan, Scene, SimError, TorqueTable, Touch};
 use exmex::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -65,7 +65,9 @@ impl Each {
             None => Ok(None),
             Some(Self::Same(x)) => Ok(Some(*x)),
             Some(Self::List(all)) if all.len() == joints => Ok(Some(all[joint])),
-            Some(Self::List(all)) => Err(format!("{key} has {} numbers: give {joints}, one for each of joints", all.len())),
+            Some(Self::List(all)) => {
+                Err(format!("{key} has {} numbers: give {joints}, one for each of joints", all.len()))
+            }
         }
     }
 }
@@ -233,17 +235,19 @@ impl Problem {
             return Err(refuse("scene: its [run] has method = \"steps\", which has no derivatives: remove it".into()));
         }
         let unknowns = file.unknown.iter().enumerate();
-        let unknowns = unknowns.map(|(k, keys)| {
-            own(&scene, keys).map_err(|why| refuse(format!("[[unknown]] {}: {why}", keys.label(k))))
-        });
+        let unknowns = unknowns
+            .map(|(k, keys)| own(&scene, keys).map_err(|why| refuse(format!("[[unknown]] {}: {why}", keys.label(k)))));
         let unknowns = unknowns.collect::<Result<Vec<_>, _>>()?;
         if let Some(k) = (0..unknowns.len()).find(|k| unknowns[..*k].iter().any(|it| it.name == unknowns[*k].name)) {
             return Err(refuse(format!("[[unknown]] {} occurs twice: remove one", unknowns[k].name)));
         }
-        let torque = file.torque.as_ref().map(|keys| torque(&scene, keys).map_err(|why| refuse(format!("[torque] {why}"))));
+        let torque =
+            file.torque.as_ref().map(|keys| torque(&scene, keys).map_err(|why| refuse(format!("[torque] {why}"))));
         let torque = torque.transpose()?;
         if unknowns.is_empty() && torque.is_none() {
-            return Err(refuse("nothing is unknown: give [[unknown]] tables with the numbers that are chosen, or [torque]".into()));
+            return Err(refuse(
+                "nothing is unknown: give [[unknown]] tables with the numbers that are chosen, or [torque]".into(),
+            ));
         }
         if file.condition.is_empty() && file.cost.is_empty() {
             return Err(refuse("nothing is asked: give [[condition]] or [[cost]] tables".into()));
@@ -257,7 +261,8 @@ impl Problem {
         let conditions = file.condition.iter().enumerate().map(|(k, keys)| {
             let read = || {
                 let place = place(&keys.contact, keys.impact, keys.side)?;
-                let function = Function::of(&keys.value, sim, &names, place.impact.is_some()).map_err(|why| format!("value = {why}"))?;
+                let function = Function::of(&keys.value, sim, &names, place.impact.is_some())
+                    .map_err(|why| format!("value = {why}"))?;
                 let (bounds, asked) = asked(keys)?;
                 Ok(Condition { name: format!("{}{} {asked}", keys.value, place.text()), function, place, bounds })
             };
@@ -279,7 +284,11 @@ impl Problem {
                     continue;
                 }
                 (None, None, Some(true)) => return Err(refuse("effort is that of [torque]: give this table".into())),
-                _ => return Err(refuse("needs one of value, square (a formula whose square counts), effort = true".into())),
+                _ => {
+                    return Err(refuse(
+                        "needs one of value, square (a formula whose square counts), effort = true".into(),
+                    ));
+                }
             };
             if (squared || keys.effort.is_some()) && weight < 0.0 {
                 return Err(refuse(format!("weight = {weight}: that of a square must not be negative")));
@@ -312,43 +321,91 @@ impl Problem {
         &self.given.scene
     }
 
+    /// Whether torques over time are among the unknowns.
+    pub fn has_torques(&self) -> bool {
+        self.given.torque.is_some()
+    }
+
     /// Ends the search, with [`SimError::Stopped`](carom_sim::SimError::Stopped), once another thread sets this flag.
     pub fn stop_by(&mut self, flag: Arc<AtomicBool>) {
         self.given.scene.simulation.stop = Some(flag);
     }
 
-    /// The simulation with what was found, and its duration.
+    /// The scene with what was found, and its simulation, which has the torques.
     ///
     /// # Errors
     /// [`AimError`] of the scene.
-    pub fn plan_of(&self, found: &Found) -> Result<(Plan, f64), AimError> {
-        Ok(self.given.plan(&found.values())?)
+    pub fn plan_of(&self, found: &Found) -> Result<(Scene, Plan), AimError> {
+        let u = found.values();
+        let (plan, duration) = self.given.plan(&u)?;
+        Ok((Scene { duration, ..self.given.scene_at(&u)? }, plan))
     }
 
-    /// The text of a scene file with what was found, in the folder of the scene of the problem, and with `[torque]` the table of the torques
-    /// (CSV), to which the scene gives this name.
+    /// The text of a scene file with what was found, for a file in this folder, and with `[torque]` the table of the torques (CSV), to which
+    /// the scene gives this name.
     ///
     /// # Errors
     /// [`AimError`] of the scene.
-    pub fn scene_of(&self, found: &Found, torques: &str) -> Result<(String, Option<String>), AimError> {
+    pub fn scene_of(&self, found: &Found, folder: &Path, torques: &str) -> Result<(String, Option<String>), AimError> {
         let u = found.values();
         let scene = self.given.scene_at(&u)?;
-        let Some(torque) = &self.given.torque else { return Ok((scene.text, None)) };
         let mut keys: toml::Table = scene.text.parse().unwrap_or_default();
-        if let Some(run) = keys.get_mut("run").and_then(toml::Value::as_table_mut) {
-            run.insert("controller".into(), "torque-file".into());
-            run.insert("torque_file".into(), torques.into());
+        if let Some(between) = between(folder, &scene.folder) {
+            keys.iter_mut().for_each(|(key, value)| rebase(key, value, &between));
         }
-        let text = toml::to_string(&keys).unwrap_or_default();
-        let mut table = format!("time,{}\n", names_of_motors(&scene).join(","));
-        for (time, forces) in torque.rows(&u[self.given.unknowns.len()..], scene.duration) {
-            let own = names_of_motors(&scene).into_iter().map(|joint| {
-                let k = torque.joints.iter().position(|own| *own == joint);
-                k.map_or("0".to_owned(), |k| forces[k].to_string())
-            });
-            table += &format!("{time},{}\n", own.collect::<Vec<_>>().join(","));
+        let run = keys.get_mut("run").and_then(toml::Value::as_table_mut);
+        let table = match (&self.given.torque, run) {
+            (Some(torque), Some(run)) => {
+                run.insert("controller".into(), "torque-file".into());
+                run.insert("torque_file".into(), torques.into());
+                let joints = names_of_motors(&scene);
+                let mut table = format!("time,{}\n", joints.join(","));
+                for (time, forces) in torque.rows(&u[self.given.unknowns.len()..], scene.duration) {
+                    let own = joints.iter().map(|joint| {
+                        let k = torque.joints.iter().position(|own| own == joint);
+                        k.map_or("0".to_owned(), |k| forces[k].to_string())
+                    });
+                    table += &format!("{time},{}\n", own.collect::<Vec<_>>().join(","));
+                }
+                Some(table)
+            }
+            _ => None,
+        };
+        Ok((toml::to_string(&keys).unwrap_or_default(), table))
+    }
+}
+
+/// The keys of a scene whose values are paths.
+const PATHS: [&str; 6] = ["urdf", "srdf", "file", "torque_file", "reference", "package_dirs"];
+
+/// The path from one folder to another; `None` if they are the same or one is not there.
+fn between(from: &Path, to: &Path) -> Option<PathBuf> {
+    let here = |path: &Path| if path.as_os_str().is_empty() { Path::new(".") } else { path }.canonicalize();
+    let (from, to) = (here(from).ok()?, here(to).ok()?);
+    let common = from.components().zip(to.components()).take_while(|(a, b)| a == b).count();
+    let up = from.components().skip(common).map(|_| Component::ParentDir);
+    let path: PathBuf = up.chain(to.components().skip(common)).collect();
+    Some(path).filter(|path| !path.as_os_str().is_empty())
+}
+
+/// Changes relative paths to those from a folder from which theirs is reached by `between`.
+fn rebase(key: &str, value: &mut toml::Value, between: &Path) {
+    match value {
+        toml::Value::String(path) if PATHS.contains(&key) && !path.contains("://") && Path::new(path).is_relative() => {
+            let mut whole = PathBuf::new();
+            for part in between.join(&*path).components() {
+                let ends_in_name = matches!(whole.components().next_back(), Some(Component::Normal(_)));
+                if part == Component::ParentDir && ends_in_name {
+                    whole.pop();
+                } else {
+                    whole.push(part);
+                }
+            }
+            *path = whole.to_string_lossy().into_owned();
         }
-        Ok((text, Some(table)))
+        toml::Value::Array(all) => all.iter_mut().for_each(|value| rebase(key, value, between)),
+        toml::Value::Table(all) => all.iter_mut().for_each(|(key, value)| rebase(key, value, between)),
+        _ => {}
     }
 }
 
@@ -544,12 +601,18 @@ impl Place {
 
 fn names_of_motors(scene: &Scene) -> Vec<String> {
     let chain = &scene.simulation.chain;
-    let is_own = |joint: &&carom_chain::JointInfo| matches!(&joint.coordinates, Coordinates::Own { v, .. } if v.len() == 1);
+    let is_own =
+        |joint: &&carom_chain::JointInfo| matches!(&joint.coordinates, Coordinates::Own { v, .. } if v.len() == 1);
     let own = chain.joints().iter().filter(is_own);
     own.map(|joint| joint.name.clone()).collect()
 }
 
-fn place(touches: &[Touch], contact: &Option<String>, impact: Option<usize>, side: Option<Side>) -> Result<Place, String> {
+fn place(
+    touches: &[Touch],
+    contact: &Option<String>,
+    impact: Option<usize>,
+    side: Option<Side>,
+) -> Result<Place, String> {
     let Some(name) = contact else {
         return match (impact, side) {
             (None, None) => Ok(Place { impact: None, side: 1 }),
@@ -661,7 +724,10 @@ fn torque(scene: &Scene, keys: &TorqueKeys) -> Result<Torque, String> {
     }
     for (k, joint) in keys.joints.iter().enumerate() {
         if !known.contains(joint) {
-            return Err(format!("joints has '{joint}', which is no joint with one coordinate: there are {}", known.join(", ")));
+            return Err(format!(
+                "joints has '{joint}', which is no joint with one coordinate: there are {}",
+                known.join(", ")
+            ));
         }
         if keys.joints[..k].contains(joint) {
             return Err(format!("joints has '{joint}' twice: remove one"));
@@ -670,11 +736,15 @@ fn torque(scene: &Scene, keys: &TorqueKeys) -> Result<Torque, String> {
     if !matches!(scene.simulation.drive, Drive::Off) || scene.simulation.after_impact.is_some() {
         return Err("takes the place of the controller: the scene must have controller = \"off\"".into());
     }
-    let (count, pieces) = match (keys.knots, keys.pieces) {
-        (Some(knots), None) if knots >= 2 => (knots, false),
-        (None, Some(pieces)) if pieces >= 1 => (pieces, true),
-        _ => return Err("needs knots (2 or more, with torques linear between them) or pieces (1 or more, of constant torque)".into()),
-    };
+    let (count, pieces) =
+        match (keys.knots, keys.pieces) {
+            (Some(knots), None) if knots >= 2 => (knots, false),
+            (None, Some(pieces)) if pieces >= 1 => (pieces, true),
+            _ => return Err(
+                "needs knots (2 or more, with torques linear between them) or pieces (1 or more, of constant torque)"
+                    .into(),
+            ),
+        };
     let (mut firsts, mut all) = (Vec::new(), Vec::new());
     for joint in 0..keys.joints.len() {
         let of = |given, key| Each::of(given, key, joint, keys.joints.len());

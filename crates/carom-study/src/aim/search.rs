@@ -24,11 +24,12 @@
 
 use super::evaluate::{Slopes, Values};
 use super::problem::{Problem, size};
-use super::{AimError, End, Found, Met, Step, Unknown};
+use super::{AimError, End, Found, Met, Starts, Step, Stuck, Unknown};
 use carom_sim::SimError;
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT};
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Second derivative along directions in which nothing else bends, as a share of ν without a cost, and of the cost's derivatives: of steps
@@ -70,19 +71,54 @@ impl Problem {
         self.solve_from(self.given.first())
     }
 
-    /// [`Problem::solve`] from random values of the unknowns, even between their bounds: the k-th of a sequence that `seed` gives.
+    /// [`Problem::solve`] from so many random values of the unknowns, even between their bounds; of those that meet the conditions that of
+    /// the least cost, without a cost the first. `each` is called after each of them.
     ///
     /// # Errors
-    /// As there; [`AimError::File`] for an unknown without bounds.
-    pub fn solve_at_random(&self, seed: u64, k: u64) -> Result<Found, AimError> {
-        let rng = &mut fastrand::Rng::with_seed(seed.wrapping_add(k.wrapping_mul(0x9E37_79B9_7F4A_7C15)));
-        let u = self.given.bounds().into_iter().zip(self.given.names()).map(|([from, to], name)| {
-            if (to - from).is_finite() {
-                return Ok(from + (to - from) * rng.f64());
+    /// [`AimError::NoneReached`]; [`AimError::File`] for an unknown without bounds.
+    pub fn solve_from_many(
+        &self,
+        count: u64,
+        seed: u64,
+        each: &(dyn Fn() + Sync),
+    ) -> Result<(Found, Starts), AimError> {
+        let (bounds, names) = (self.given.bounds(), self.given.names());
+        if let Some(k) = bounds.iter().position(|[from, to]| !(to - from).is_finite()) {
+            let rule = "has no bounds, between which random starts are: give from and to".into();
+            return Err(AimError::File { file: names[k].clone(), rule });
+        }
+        let all: Vec<Result<Found, AimError>> = (0..count)
+            .into_par_iter()
+            .map(|k| {
+                // Each start is a function of its number.
+                let rng = &mut fastrand::Rng::with_seed(seed.wrapping_add(k.wrapping_mul(0x9E37_79B9_7F4A_7C15)));
+                let found = self.solve_from(bounds.iter().map(|[from, to]| from + (to - from) * rng.f64()).collect());
+                each();
+                found
+            })
+            .collect();
+        let mut starts = Starts { count, reached: 0, failed: BTreeMap::new() };
+        let (mut best, mut first): (Option<Found>, _) = (None, None);
+        for found in all {
+            match found {
+                Ok(found) => {
+                    starts.reached += 1;
+                    if best.as_ref().is_none_or(|best| found.cost < best.cost) {
+                        best = Some(found);
+                    }
+                }
+                Err(stopped @ AimError::Run(SimError::Stopped { .. })) => return Err(stopped),
+                Err(error) => {
+                    *starts.failed.entry(error.kind()).or_default() += 1;
+                    first.get_or_insert(Box::new(error));
+                }
             }
-            Err(AimError::File { file: name, rule: "has no bounds, between which random starts are: give from and to".into() })
-        });
-        self.solve_from(u.collect::<Result<_, _>>()?)
+        }
+        match (best, first) {
+            (Some(best), _) => Ok((best, starts)),
+            (None, Some(first)) => Err(AimError::NoneReached { starts, first }),
+            (None, None) => Err(AimError::File { file: "starts = 0".into(), rule: "give 1 or more".into() }),
+        }
     }
 
     fn solve_from(&self, first: Vec<f64>) -> Result<Found, AimError> {
@@ -100,7 +136,8 @@ impl Problem {
             weight = if least > 0.0 { (10.0 * most / least).max(1e-6) } else { 1.0 };
         }
         let heaviest = HEAVIEST * weight;
-        let mut hessian = bends.then(|| DMatrix::identity(sizes.len(), sizes.len()) * self.cost_slope(&here).amax().max(1e-6));
+        let mut hessian =
+            bends.then(|| DMatrix::identity(sizes.len(), sizes.len()) * self.cost_slope(&here).amax().max(1e-6));
         let is_bent = has_cost && sizes.len() <= MANY;
         let (mut radius, mut steps) = (1.0_f64, Vec::new());
         let end = loop {
@@ -112,10 +149,11 @@ impl Problem {
             if steps.len() >= self.steps {
                 break met.then_some(End::Steps);
             }
-            let mut solved = self.model(&here, (&sizes, &bounds), hessian.as_ref(), (weight, radius))?;
+            let own = &here.values.conditions;
+            let mut solved = self.model((&here, own), (&sizes, &bounds), hessian.as_ref(), (weight, radius))?;
             // Whether heavier conditions are missed less.
             while solved.missed > 0.1 * self.tolerance.max(1e-3 * miss) && weight < heaviest && has_cost {
-                let heavier = self.model(&here, (&sizes, &bounds), hessian.as_ref(), (10.0 * weight, radius))?;
+                let heavier = self.model((&here, own), (&sizes, &bounds), hessian.as_ref(), (10.0 * weight, radius))?;
                 if heavier.missed > 0.9 * solved.missed {
                     break;
                 }
@@ -128,16 +166,29 @@ impl Problem {
                 break met.then_some(End::Least);
             }
             let merit = |values: &Values| self.cost(values) + weight * self.misses(values).iter().sum::<f64>();
-            let tried: Vec<f64> = (0..sizes.len())
-                .map(|k| (here.u[k] + sizes[k] * solved.d[k]).clamp(bounds[k][0], bounds[k][1]))
-                .collect();
-            counts.0 += 1;
-            let there = match self.values(&tried) {
-                Ok(values) => Some(values),
-                Err(AimError::Run(SimError::Stopped { time })) => return Err(SimError::Stopped { time }.into()),
-                Err(_) => None,
+            let at = |d: &DVector<f64>| -> Vec<f64> {
+                let moved = here.u.iter().zip(&sizes).zip(d.iter()).map(|((u, size), d)| u + size * d);
+                moved.zip(&bounds).map(|(u, [from, to])| u.clamp(*from, *to)).collect()
             };
-            let share = there.as_ref().map_or(-1.0, |values| (merit(&here.values) - merit(values)) / solved.promised);
+            let share_of = |values: &Values| (merit(&here.values) - merit(values)) / solved.promised;
+            let mut tried = at(&solved.d);
+            counts.0 += 1;
+            let mut there = self.attempt(&tried)?;
+            let mut share = there.as_ref().map_or(-1.0, &share_of);
+            if let Some(values) = there.as_ref().filter(|_| share < 0.75 && has_cost && !self.conditions.is_empty()) {
+                // The conditions bend: once more with what they are at the end of the step.
+                let bent = &here.slopes.conditions * &solved.d;
+                let conditions: Vec<f64> = values.conditions.iter().zip(bent.iter()).map(|(c, jd)| c - jd).collect();
+                let again = self.model((&here, &conditions), (&sizes, &bounds), hessian.as_ref(), (weight, radius))?;
+                let corrected = at(&again.d);
+                counts.0 += 1;
+                let values = self.attempt(&corrected)?;
+                let better = values.as_ref().map_or(-1.0, &share_of);
+                if better > share {
+                    (tried, there, share) = (corrected, values, better);
+                    solved.d = again.d;
+                }
+            }
             let taken = there.filter(|_| share > 1e-3).and_then(|values| {
                 counts.1 += 1;
                 let slopes = self.slopes(&tried).ok()?.scaled(&sizes);
@@ -148,7 +199,8 @@ impl Problem {
                 Some(there) => {
                     if is_bent || hessian.is_some() {
                         let lagrangian = |place: &Place| {
-                            let mut slope = self.bent_slope(place) + place.slopes.conditions.tr_mul(&solved.multipliers);
+                            let mut slope =
+                                self.bent_slope(place) + place.slopes.conditions.tr_mul(&solved.multipliers);
                             for (k, cost) in self.costs.iter().enumerate().filter(|(_, cost)| cost.squared) {
                                 let r = there.values.costs[k];
                                 slope += place.slopes.costs.row(k).transpose() * (2.0 * cost.weight * r);
@@ -186,7 +238,21 @@ impl Problem {
         }
     }
 
-    fn found(&self, here: Place, first: &[f64], (steps, end): (Vec<Step>, End), (runs, differentiated): (usize, usize)) -> Found {
+    /// The values of a run; `None` if it fails.
+    fn attempt(&self, u: &[f64]) -> Result<Option<Values>, AimError> {
+        match self.values(u) {
+            Err(stopped @ AimError::Run(SimError::Stopped { .. })) => Err(stopped),
+            other => Ok(other.ok()),
+        }
+    }
+
+    fn found(
+        &self,
+        here: Place,
+        first: &[f64],
+        (steps, end): (Vec<Step>, End),
+        (runs, differentiated): (usize, usize),
+    ) -> Found {
         let own = self.given.names().into_iter().zip(self.given.bounds()).enumerate();
         let unknowns = own.map(|(k, (name, bounds))| Unknown {
             name,
@@ -216,13 +282,12 @@ impl Problem {
         let misses = self.misses(&here.values);
         let own = self.conditions.iter().zip(&misses).zip(&here.values.conditions);
         let missed = own.filter(|((_, miss), _)| **miss > self.tolerance);
-        let missed: Vec<String> = missed.map(|((own, miss), value)| format!("{} is {value:.6e}, off by {miss:.1e}", own.name)).collect();
-        let why = if steps >= self.steps {
-            "the search has used its steps: give more, [search] steps"
-        } else if radius < SMALLEST {
-            "the motion has a kink or a jump there, as where an impact appears: choose another start of the search, or --starts"
-        } else {
-            "no unknown brings them nearer to first order: give more unknowns, wider bounds, or another start of the search"
+        let missed: Vec<String> =
+            missed.map(|((own, miss), value)| format!("{} is {value:.6e}, off by {miss:.1e}", own.name)).collect();
+        let why = match radius < SMALLEST {
+            _ if steps >= self.steps => Stuck::Steps,
+            true => Stuck::Kink,
+            false => Stuck::Flat,
         };
         AimError::NotMet { steps, missed: missed.join("; "), why }
     }
@@ -261,10 +326,10 @@ impl Problem {
         self.misses(values).into_iter().fold(0.0, f64::max)
     }
 
-    /// The step of the model.
+    /// The step of the model, whose conditions have these values at the place.
     fn model(
         &self,
-        here: &Place,
+        (here, conditions): (&Place, &[f64]),
         (sizes, bounds): (&[f64], &[[f64; 2]]),
         hessian: Option<&DMatrix<f64>>,
         (weight, radius): (f64, f64),
@@ -277,7 +342,8 @@ impl Problem {
         let (mut p, mut q) = (Entries::new(count, count), vec![0.0; count]);
         let [without, with] = SHORTER;
         let has_cost = !self.costs.is_empty() || self.effort > 0.0;
-        let shorter = if has_cost { with * self.cost_slope(here).amax().max(f64::MIN_POSITIVE) } else { without * weight };
+        let shorter =
+            if has_cost { with * self.cost_slope(here).amax().max(f64::MIN_POSITIVE) } else { without * weight };
         (0..n).for_each(|i| p.add(i, i, shorter));
         if let Some(hessian) = hessian {
             (0..n).for_each(|j| (0..=j).for_each(|i| p.add(i, j, hessian[(i, j)])));
@@ -302,7 +368,7 @@ impl Problem {
         // Of each condition: where it is an equation its row, else those of its bounds.
         let mut rows_of = Vec::new();
         for (k, condition) in self.conditions.iter().enumerate() {
-            let [a, b] = condition.bounds.map(|bound| bound - values.conditions[k]);
+            let [a, b] = condition.bounds.map(|bound| bound - conditions[k]);
             let t = first_t + 2 * k;
             let row = |sign: f64| (0..n).map(move |j| (j, sign * slopes.conditions[(k, j)]));
             q[t..t + 2].fill(weight);
@@ -340,7 +406,12 @@ impl Problem {
             .build()
             .unwrap_or_default();
         let solver = DefaultSolver::new(&p.matrix(), &q, &matrix, &right, &cones, settings);
-        let failed = |why: String| AimError::Run(SimError::Integration { time: 0.0, reason: format!("the quadratic program of a step: {why}") });
+        let failed = |why: String| {
+            AimError::Run(SimError::Integration {
+                time: 0.0,
+                reason: format!("the quadratic program of a step: {why}"),
+            })
+        };
         let mut solver = solver.map_err(|e| failed(e.to_string()))?;
         solver.solve();
         let solution = &solver.solution;
@@ -371,7 +442,7 @@ impl Problem {
             .iter()
             .enumerate()
             .map(|(k, own)| {
-                let x = values.conditions[k] + linearised[k];
+                let x = conditions[k] + linearised[k];
                 (own.bounds[0] - x).max(x - own.bounds[1]).max(0.0)
             })
             .sum();
