@@ -1,5 +1,6 @@
 //! The tests of carom-study. A file is a module; `cargo test MODULE::` runs those of one.
 
+mod aims;
 mod diagrams;
 mod fit;
 mod map_pictures;

@@ -41,6 +41,8 @@ const MANY: usize = 100;
 const SMALLEST: f64 = 1e-10;
 /// A model that promises less than this share of the cost, or of the miss, has reached its least value.
 const LEAST: f64 = 1e-10;
+/// The distance from a bound, as a share of the size of an unknown, at which the answer of the solver is at the bound.
+const INSIDE: f64 = 1e-9;
 /// Largest weight of the conditions, as a multiple of the first one.
 const HEAVIEST: f64 = 1e8;
 
@@ -430,6 +432,12 @@ impl Problem {
         for j in 0..n {
             let [from, to] = bounds[j].map(|bound| (bound - u[j]) / sizes[j]);
             d[j] = d[j].clamp(from.max(-radius), to.min(radius));
+            // The solver stays inside the bounds by its tolerance.
+            if let Some(bound) =
+                [from, to].into_iter().find(|bound| (d[j] - bound).abs() < INSIDE && bound.abs() <= radius)
+            {
+                d[j] = bound;
+            }
         }
         let multipliers = rows_of.iter().map(|(row, bounds)| {
             let of_bound = |side: usize| bounds[side].map_or(0.0, |row| solution.z[first_below + row]);
