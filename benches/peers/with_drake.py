@@ -62,7 +62,7 @@ class Run:
     def __init__(self, scene, dt, discrete=True, approximation=None, stiffness=None):
         builder = DiagramBuilder()
         plant, graph = AddMultibodyPlantSceneGraph(builder, dt if discrete else 0.0)
-        self.scene, self.dt, self.plant = scene, dt, plant
+        self.scene, self.dt, self.plant, self.discrete = scene, dt, plant, discrete
         Parser(plant).AddModels(scene["urdf"])
         if not scene["floating"]:
             plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
@@ -152,8 +152,8 @@ class Run:
 
     def step(self, count):
         self.steps += count
-        # Slightly beyond the end, so that rounding does not omit the last step.
-        self.simulator.AdvanceTo((self.steps + 1e-6) * self.dt)
+        # An update takes place at the start of a step: half a step before the end, so that a rounded time makes no step more or less.
+        self.simulator.AdvanceTo((self.steps - 0.5 if self.discrete else self.steps) * self.dt)
 
     def force(self):
         results = self.plant.get_contact_results_output_port().Eval(self.context)

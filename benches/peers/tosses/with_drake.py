@@ -81,8 +81,8 @@ class Engine:
         self.simulator.Initialize()
         poses = [list(q)]
         for k in range(1, count):
-            # Slightly beyond the sample, so that rounding does not omit the last step.
-            self.simulator.AdvanceTo(k * self.spacing + 1e-3 * self.dt)
+            # An update takes place at the start of a step: half a step before the sample, so that a rounded time makes no step more or less.
+            self.simulator.AdvanceTo(k * self.spacing - 0.5 * self.dt)
             pose = self.root.EvalPoseInWorld(context)
             w, x, y, z = pose.rotation().ToQuaternion().wxyz()
             poses.append([*pose.translation(), x, y, z, w, *(joint.get_angle(context) for joint in self.joints)])
