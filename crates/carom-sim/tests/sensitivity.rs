@@ -194,6 +194,41 @@ fn the_final_height_of_a_bouncing_ball_has_its_closed_form_gradient() {
     assert!((found.events[0].time - v / g).abs() < 1e-12 && (found.events[0].time_by[0] - 1.0 / v).abs() < 1e-11);
 }
 
+/// A block that friction holds beside the ball, which the impact does not move, takes no digit from these derivatives.
+#[test]
+fn a_joint_at_rest_elsewhere_does_not_change_the_gradient_of_a_bouncing_ball() {
+    let (g, e, h, end) = (9.81_f64, 0.7, 0.8, 0.6);
+    let falls =
+        Part::slider("ball", "base", Z).limits(-9.0, 9.0, 0.0).weighing(2.0, [0.008; 3]).shaped(&build::ball(0.1));
+    let block = Part::slider("block", "base", X).limits(-9.0, 9.0, 0.0).joint("<dynamics friction='3'/>");
+    let pair = chain(&[falls, block.weighing(2.0, [0.01; 3]).at([0.0, 5.0, 5.0])]);
+    let sim = on_floor(pair, ContactRule::new(Newton { restitution: e, friction: 0.0 }));
+    let by = sim.sensitivity(&[h + 0.1, 0.0], &[0.0; 2], end, &[]).unwrap().last_by.unwrap();
+    let v = (2.0 * g * h).sqrt();
+    let s = end - v / g;
+    let by_v = e * s - (e * v - g * s) / g;
+    for (j, exact) in [(0, by_v * g / v), (2, -(e * v - g * s) / g)] {
+        assert!((by[(0, j)] - exact).abs() < 1e-11, "{j}: {:e}", by[(0, j)] - exact);
+    }
+}
+
+/// The same with dry friction of 3 N on the slider of the ball, which the impact turns: a ball of 2 kg falls with g − 1.5 and rises with g + 1.5.
+#[test]
+fn a_bounce_that_turns_dry_friction_has_its_closed_form_gradient() {
+    let (g, e, h, end, slowed) = (9.81_f64, 0.7, 0.8, 0.6, 1.5);
+    let falls = Part::slider("ball", "base", Z).limits(-9.0, 9.0, 0.0).joint("<dynamics friction='3'/>");
+    let falls = chain(&[falls.weighing(2.0, [0.008; 3]).shaped(&build::ball(0.1))]);
+    let sim = on_floor(falls, ContactRule::new(Newton { restitution: e, friction: 0.0 }));
+    let by = sim.sensitivity(&[h + 0.1], &[0.0], end, &[Parameter::restitution()]).unwrap().last_by.unwrap();
+    let (down, up) = (g - slowed, g + slowed);
+    let v = (2.0 * down * h).sqrt();
+    let s = end - v / down;
+    let by_v = e * s - (e * v - up * s) / down;
+    for (j, exact) in [(0, by_v * down / v), (2, v * s)] {
+        assert!((by[(0, j)] - exact).abs() < 1e-11, "{j}: {:e}", by[(0, j)] - exact);
+    }
+}
+
 /// The last impacts before an accumulation are slow, and the errors of their times are divided by their speed: the derivative by the height is
 /// right to 1e-5 of its size, or it is not a number. With v₀ = √(2 g h), impact n is at (1 + 2 (e + … + eⁿ)) v₀/g.
 #[test]

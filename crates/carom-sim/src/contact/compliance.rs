@@ -118,6 +118,20 @@ impl Compliance {
         matches!(self.tangential, Holding::Bristle { .. })
     }
 
+    /// By how much the contact is deeper than where its normal force vanishes before it opens, m; `None` where it does not: Kelvin &
+    /// Voigt's without pull at d = −(c/k) ḋ, Walton & Braun's at the residual penetration, once it was unloaded.
+    pub(crate) fn slack(&self, law: &ContactLaw, memory: &Memory, (gap, rate): (f64, f64)) -> Option<f64> {
+        match self.normal {
+            Yielding::KelvinVoigt { pulls: false } if memory.damping > 0.0 => {
+                Some(-gap - memory.damping / self.stiffness * rate)
+            }
+            Yielding::WaltonBraun if memory.deepest.is_finite() && law.restitution() < 1.0 => {
+                Some(-gap - (1.0 - law.restitution().powi(2)) * memory.deepest)
+            }
+            _ => None,
+        }
+    }
+
     /// The normal force law for a restitution.
     pub(crate) fn normal(&self, restitution: f64) -> Result<NormalForce, ImpactError> {
         let k = self.stiffness;

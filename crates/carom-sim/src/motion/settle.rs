@@ -7,6 +7,7 @@ use super::held::Detail;
 use super::rows::{Constraints, Level, direction_of_slip, push};
 use super::select::Candidate;
 use super::smooth::Motion;
+use crate::contact::{ContactRule, Memory};
 use crate::error::SimError;
 use crate::state::{ContactImpulse, EXACT, ROUNDING, Space, View};
 use carom_chain::Rows;
@@ -185,13 +186,18 @@ impl<A: Space> Motion<'_, A> {
     }
 
     /// What is zero at the kinks of the contact forces: the [slips](Self::sliding), m/s, and as first components the depths of compliant
-    /// contacts, m.
+    /// contacts beyond those at which their normal forces have kinks, m.
     pub fn kinks(&mut self, time: f64, y: &[f64]) -> Result<Vec<Vector3<f64>>, SimError> {
         let mut found = self.sliding(time, y)?;
+        let sim = self.sim;
         for k in 0..self.active.lasting.len() {
-            if matches!(self.active.lasting[k].hold, Hold::Presses { .. }) {
-                found.push(Vector3::x() * self.gap(self.active.lasting[k].touch, time, y)?.0);
-            }
+            let Lasting { touch, hold: Hold::Presses { damping, deepest } } = self.active.lasting[k] else { continue };
+            let ContactRule { compliance: Some(compliance), law, .. } = &sim.touches[touch].contact else { continue };
+            let (gap, rate) = self.gap(touch, time, y)?;
+            let memory = Memory { damping, deepest, deflection: Vector3::zeros() };
+            let turned = deepest.is_finite().then_some(gap + deepest);
+            let zeros = [Some(gap), turned, compliance.slack(law, &memory, (gap, rate))];
+            found.extend(zeros.into_iter().flatten().map(|zero| Vector3::x() * zero));
         }
         Ok(found)
     }

@@ -8,7 +8,7 @@ use super::run_state::Run;
 use crate::error::SimError;
 use crate::impact::{Derivatives, RowRates, differentiate};
 use crate::model::Place;
-use crate::motion::ActiveSet;
+use crate::motion::{ActiveSet, Dry};
 use crate::state::{CLEAR, Space};
 use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
@@ -152,7 +152,8 @@ impl Struck {
 
 /// The derivatives of the impact of one touch, in closed form: by q (in its tangent space), q̇⁻, time and coefficients.
 ///
-/// `None` for a user's law and a restitution that depends on the approach speed, at the border of a mode of the law, and where another gap is closed.
+/// `None` for a user's law and a restitution that depends on the approach speed, at the border of a mode of the law, where another gap is closed,
+/// and where the impact would move a joint that dry friction holds.
 pub(crate) fn jump<A: Space>(run: &mut Run<A>, touch: usize, before: &Before) -> Result<Option<Struck>, SimError> {
     run.motion.active = before.active.clone();
     let (time, x) = (before.time, before.x.as_slice());
@@ -212,6 +213,10 @@ pub(crate) fn jump<A: Space>(run: &mut Run<A>, touch: usize, before: &Before) ->
     }
     view.respond(&along, &mut answers)?;
     let response: Vec<Vector3<f64>> = (0..nv).map(|i| Vector3::from_fn(|axis, _| answers.row(axis)[i])).collect();
+    let mut holds = before.active.dry.iter().filter(|joint| joint.state == Dry::Holds);
+    if holds.any(|joint| response[joint.v] != Vector3::zeros()) {
+        return Ok(None);
+    }
     let delassus: Matrix3<f64> = columns.iter().zip(&response).map(|(j, x)| j * x.transpose()).sum();
     let u = columns.iter().zip(qd).map(|(j, v)| j * *v).sum::<Vector3<f64>>() - surface;
     let plain = Frictionless { restitution: one.contact.law.restitution() };

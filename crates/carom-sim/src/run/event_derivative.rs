@@ -186,9 +186,14 @@ impl<A: Space> Follow<'_, '_, A> {
         let [event] = happened.as_slice() else { return None };
         let (EventKind::Impact { touch, .. } | EventKind::Limit { touch, .. }) = &event.kind else { return None };
         let gap = before.guard.is_some_and(|guard| guard.is() == Is::Gap);
-        let free = !before.active.lasting.iter().any(Lasting::is_rigid)
-            && !before.active.dry.iter().any(|joint| joint.state == Dry::Holds);
-        let same = before.active.is_alike(&after.active) && before.x.len() == after.x.len();
+        let free = !before.active.lasting.iter().any(Lasting::is_rigid);
+        // The impact may turn the direction in which dry friction brakes a joint; a joint that it moves must not be held after it.
+        let mut turned = before.active.clone();
+        let joints = turned.dry.iter_mut().zip(&after.active.dry);
+        joints
+            .filter(|(own, other)| own.state != Dry::Holds && other.state != Dry::Holds)
+            .for_each(|(own, other)| own.state = other.state);
+        let same = turned.is_alike(&after.active) && before.x.len() == after.x.len();
         (gap && free && same && sim.loops.is_empty() && sim.neglect.is_none() && after.time == before.time)
             .then_some(*touch)
     }
