@@ -197,7 +197,7 @@ fn keys_of_answers_are_those_of_the_page() {
     std::fs::write(desk.join("own/scene.toml"), scene).unwrap();
     let robot = "robots/planar2.urdf --tip tip --states - --json";
     let strike = format!("impact {robot} --normal -1,0,0 --law energetic --restitution 0.35 --friction 0.2");
-    let runs: [(&str, Vec<(String, &str)>); 13] = [
+    let runs: [(&str, Vec<(String, &str)>); 14] = [
         ("inspect", vec![("inspect robots/arm7.urdf --json".into(), "")]),
         ("dynamics", vec![(format!("dynamics {robot}"), state)]),
         (
@@ -211,6 +211,13 @@ fn keys_of_answers_are_those_of_the_page() {
         ("map", vec![("map studies/self_motion.toml --advise --json".into(), "")]),
         ("plan", vec![("plan own/scene.toml --json".into(), "")]),
         ("simulate", vec![("simulate scenes/planar2.toml --sensitivity --loads --json".into(), "")]),
+        (
+            "aim",
+            vec![
+                ("aim studies/aims/nail.toml --json".into(), ""),
+                ("aim studies/aims/racket.toml --starts 3 --json".into(), ""),
+            ],
+        ),
         (
             "orbit",
             vec![

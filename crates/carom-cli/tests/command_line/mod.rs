@@ -1,5 +1,6 @@
 //! Tests of the `carom` command as a process: input, output, refusals with their messages.
 
+mod aims;
 mod contract;
 mod derivatives;
 pub mod desk;
