@@ -35,7 +35,10 @@ pub enum CliError {
     /// A study or its map; the message names their files.
     #[error(transparent)]
     Study(#[from] carom_study::map_study::StudyError),
-    /// A map whose computation was interrupted.
+    /// Rows of a table that are not written; the message names their files.
+    #[error(transparent)]
+    Rows(#[from] carom_study::RowsError),
+    /// A table of rows with numbers whose computation was interrupted.
     #[error(
         "interrupted after {rows} of {total} rows, which are in {}: run the same command with --resume to continue",
         partial.display()
@@ -43,7 +46,7 @@ pub enum CliError {
     Interrupted {
         /// Number of rows that are done.
         rows: u64,
-        /// Number of rows of the map or its part.
+        /// Number of rows of the table or its part.
         total: u64,
         /// The file that holds them.
         partial: std::path::PathBuf,

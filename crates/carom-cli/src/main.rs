@@ -29,6 +29,7 @@ mod output;
 mod paper;
 mod plan;
 mod record;
+mod rows;
 mod runs;
 mod scene;
 mod sensitivity;

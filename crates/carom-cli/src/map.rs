@@ -2,14 +2,15 @@
 
 use crate::error::CliError;
 use crate::files::{self, Kind, Outputs};
-use crate::output::{answer, progress, say, short, write_whole};
+use crate::output::{answer, say, short, write_whole};
 use crate::record::{check_map, check_recording, record_map};
-use carom_study::map_study::{Advice, MapFile, Study, Written};
+use crate::rows::RowOptions;
+use carom_study::map_study::{Advice, Study};
 use clap::{ArgGroup, Args};
 use serde::Serialize;
 use serde_json::{Map, Value};
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Compute a map of impacts over poses, approach angles, speeds, coefficients and laws
 ///
@@ -51,15 +52,8 @@ pub struct MapCommand {
     /// For a redundant arm also the best pose along the self-motion through each of these rows.
     #[arg(long, conflicts_with = "shard", verbatim_doc_comment)]
     advise: bool,
-    /// Number of threads, 1 or more [default: one for each core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    threads: Option<u16>,
-    /// Compute part I of N only, 1 ≤ I ≤ N; the parts in order are the whole map
-    #[arg(long, value_name = "I/N", value_parser = parse_shard, requires = "out")]
-    shard: Option<(u64, u64)>,
-    /// Continue from the partial file of an interrupted run, if there is one
-    #[arg(long, requires = "out")]
-    resume: bool,
+    #[command(flatten)]
+    rows: RowOptions,
     /// Print the summary as one line of JSON
     #[arg(long)]
     json: bool,
@@ -153,37 +147,10 @@ fn named(study: &Study, row: &[f64], keep: impl Fn(usize) -> bool) -> Map<String
     cells.collect()
 }
 
-fn parse_shard(text: &str) -> Result<(u64, u64), String> {
-    let numbers = text.split_once('/').and_then(|(i, n)| Some((i.trim().parse().ok()?, n.trim().parse().ok()?)));
-    match numbers {
-        Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
-        _ => Err("write part/parts, counted from 1, like 3/64".into()),
-    }
-}
-
 impl MapCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let files = Outputs::of(&self.out, &[Kind::Table, Kind::Picture, Kind::Recording])?;
-        let table = match files.tables.as_slice() {
-            [] => None,
-            [one] if one == Path::new("-") => {
-                let why = "--out -: a map can be resumed from its file: give the name of a table, .csv or .parquet";
-                return Err(CliError::Option(why.into()));
-            }
-            [one] => Some(one.as_path()),
-            [one, other, ..] => {
-                let (one, other) = (one.display(), other.display());
-                return Err(CliError::Option(format!("--out {other}: --out {one} is a table too: give one")));
-            }
-        };
-        if self.shard.is_some() && (files.picture.is_some() || files.recording.is_some()) {
-            let why = "--shard: a picture and a recording are of the whole map: give tables only, or no --shard";
-            return Err(CliError::Option(why.into()));
-        }
-        if table.is_none() && (self.shard.is_some() || self.resume) {
-            let option = if self.resume { "--resume" } else { "--shard" };
-            return Err(CliError::Option(format!("{option} is for a table: give --out X.csv or --out X.parquet")));
-        }
+        let table = self.rows.table(&files)?;
         check_recording(files.recording.as_deref())?;
         let study = Study::from_file(&self.study)?;
         files::check(&study.files, &files.files())?;
@@ -211,14 +178,12 @@ impl MapCommand {
         if self.advise {
             study.check_advice()?;
         }
-        let threads = self.threads.unwrap_or(0); // 0: as many as there are cores
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build();
-        let pool = pool.map_err(|e| CliError::Option(format!("--threads: {e}")))?;
-        let (part, parts) = self.shard.unwrap_or((1, 1));
-        let rows = study.shard(part, parts).unwrap_or(0..study.rows());
+        let pool = self.rows.pool()?;
+        let rows = self.rows.rows(study.rows(), |part, parts| study.shard(part, parts));
         if let Some(path) = table {
-            let file = MapFile { path: path.to_owned(), rows: rows.clone(), resume: self.resume };
-            self.write(&study, &file, &pool)?;
+            let stop = files::interrupts();
+            self.rows
+                .write((path, rows.clone()), (&pool, &stop), |file, count, stop| study.write(file, count, stop))?;
         }
         if let Some(path) = &files.picture {
             let svg = pool.install(|| study.picture(shown, self.log))?;
@@ -239,25 +204,6 @@ impl MapCommand {
         };
         let written = answer(out, &summary, self.json, |summary, out| for_people(&study, summary, out));
         written.map_err(|refused| CliError::refused(&self.study, refused))
-    }
-
-    fn write(&self, study: &Study, file: &MapFile, pool: &rayon::ThreadPool) -> Result<(), CliError> {
-        let left = file.partial();
-        if !self.resume && left.exists() {
-            say(&format!(
-                "warning: {} is the partial file of an interrupted run and will be replaced: --resume would continue from it",
-                left.display()
-            ));
-        }
-        let total = file.rows.end - file.rows.start;
-        let stop = files::interrupts();
-        let bar = progress(total, "{bar:40} {human_pos}/{human_len} rows, {per_sec}, {eta} left");
-        let written = pool.install(|| study.write(file, &|rows| bar.inc(rows), &stop));
-        bar.finish_and_clear();
-        match written? {
-            Written::Whole => Ok(()),
-            Written::Interrupted { rows, partial } => Err(CliError::Interrupted { rows, total, partial }),
-        }
     }
 }
 

@@ -8,8 +8,9 @@ use crate::pickle::{Parts, Pickled, Sources, tuple};
 use crate::table::Table;
 use crate::text::{by_keys, toml_text};
 use crate::threads::on_all_cores;
-use carom_study::map_study::{MapFile, StudyError, Written};
+use carom_study::map_study::StudyError;
 use carom_study::{Column, STUDY_KEY};
+use carom_study::{RowFile, Written};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
@@ -189,7 +190,7 @@ impl Study {
     ///     StudyError: the file cannot be written, another process writes it, or the partial file cannot be continued.
     #[pyo3(signature = (path, *, resume=false))]
     fn write(&self, py: Python<'_>, path: PathBuf, resume: bool) -> PyResult<()> {
-        let file = MapFile { path, rows: 0..self.study.rows(), resume };
+        let file = RowFile { path, rows: 0..self.study.rows(), resume };
         let study = &*self.study;
         let written: Result<Written, StudyError> = on_all_cores(py, |stop| study.write(&file, &|_| {}, stop))?;
         written.map(drop).map_err(raise)

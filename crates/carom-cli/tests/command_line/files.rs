@@ -104,9 +104,9 @@ fn two_outputs_of_the_same_file_are_refused() {
         map m.toml --out m.csv --out m.csv
             --out m.csv: --out m.csv is a table too: give one
         map m.toml --out -
-            --out -: a map can be resumed from its file: give the name of a table, .csv or .parquet
+            --out -: the table can be resumed from its file: give the name of a table, .csv or .parquet
         map m.toml --out m.svg --shard 1/2
-            --shard: a picture and a recording are of the whole map: give tables only, or no --shard
+            --shard: a picture and a recording are of the whole table: give tables only, or no --shard
         map m.toml --out m.svg --resume
             --resume is for a table: give --out X.csv or --out X.parquet
         simulate s.toml --out x.csv --out ./x.csv

@@ -56,6 +56,14 @@ impl Axis {
         }
     }
 
+    /// An axis of `count` numbers, evenly spaced.
+    ///
+    /// # Errors
+    /// The rule that the numbers break.
+    pub(crate) fn range(name: String, unit: &'static str, [from, to]: [f64; 2], count: u64) -> Result<Self, String> {
+        Self::new(name, unit, &Values::Range { from, to, count, degrees: false })
+    }
+
     pub(super) fn words(name: &str, words: Vec<String>) -> Self {
         Self { name: name.into(), unit: "", points: Points::Words(words) }
     }

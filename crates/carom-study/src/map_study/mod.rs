@@ -43,22 +43,22 @@ mod reach;
 mod read;
 mod strike;
 mod surface;
-mod write;
 
 pub use advise::{Advice, Advised};
 pub use axis::Axis;
+pub(crate) use picture::MOST_DRAWN;
 pub use picture::Values;
 pub use quantity::CLASSES;
-pub use write::{MapFile, Written};
 
-use crate::{Column, TableError};
+use crate::numbered::{self, Block, NumberedRows};
+use crate::{Column, RowFile, RowsError, STUDY_KEY, Written};
 use arm::{Engine, Worker};
 use carom_chain::Chain;
 use carom_chain::input::{MESSAGE, shortened};
 use nalgebra::Vector3;
-use std::io;
 use std::ops::Range;
 use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
 
 /// Error in a study file, or while reading or writing the files of a map.
 #[derive(Debug, thiserror::Error)]
@@ -75,38 +75,9 @@ pub enum StudyError {
     /// The robot's URDF is invalid; the message names the file.
     #[error(transparent)]
     Robot(carom_chain::ChainError),
-    /// The map cannot be written.
+    /// The map cannot be written, or the partial map of an interrupted run cannot be resumed.
     #[error(transparent)]
-    Table(#[from] TableError),
-    /// The map cannot be written to its end, as on a full disk; the rows before it are kept.
-    #[error(
-        "{error}; the first {rows} rows are kept in {}: mend this, then run it again with --resume (in Python resume=True)",
-        partial.display()
-    )]
-    Incomplete {
-        /// Why the map cannot be written.
-        error: TableError,
-        /// Number of rows in the partial table.
-        rows: u64,
-        /// The partial table.
-        partial: PathBuf,
-    },
-    /// The partial map of an interrupted run cannot be resumed.
-    #[error("{}: the interrupted run cannot be resumed: {reason}", file.display())]
-    Resume {
-        /// The partial table or its metadata file.
-        file: PathBuf,
-        /// Why, and what to do.
-        reason: String,
-    },
-    /// The metadata file of a partial map cannot be written.
-    #[error("{}: cannot be written: {reason}", file.display())]
-    Beside {
-        /// The file.
-        file: PathBuf,
-        /// Error of the operating system.
-        reason: io::Error,
-    },
+    Rows(#[from] RowsError),
 }
 
 /// A study with its robot loaded and all of its keys checked.
@@ -135,11 +106,24 @@ impl Study {
     /// one row. `None` unless `1 ≤ part ≤ parts`.
     #[doc(hidden)]
     pub fn shard(&self, part: u64, parts: u64) -> Option<Range<u64>> {
-        if part == 0 || part > parts {
-            return None;
-        }
-        let until = |part: u64| (u128::from(self.rows) * u128::from(part) / u128::from(parts)) as u64;
-        Some(until(part - 1)..until(part))
+        numbered::shard(self.rows, part, parts)
+    }
+
+    /// Computes and writes the rows `file.rows` of the map. `progress` is called with the number of rows that have been
+    /// computed since its last call, from several threads; setting `stop` ends the run early and leaves a partial table.
+    ///
+    /// # Errors
+    /// [`StudyError::Rows`]: a file cannot be written, another process writes it, or the partial table cannot be resumed.
+    ///
+    /// # Panics
+    /// If `file.rows` ends beyond [`Study::rows`].
+    pub fn write(
+        &self,
+        file: &RowFile,
+        progress: &(dyn Fn(u64) + Sync),
+        stop: &AtomicBool,
+    ) -> Result<Written, StudyError> {
+        Ok(numbered::write(self, file, progress, stop)?)
     }
 
     /// The text of the study file.
@@ -173,6 +157,30 @@ impl Study {
     /// A new evaluator of rows. Each thread needs its own.
     pub fn evaluator(&self) -> Evaluator<'_> {
         Evaluator { worker: self.engine.worker() }
+    }
+}
+
+impl NumberedRows for Study {
+    type Carry = ();
+
+    fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    fn text(&self) -> (&'static str, &str) {
+        (STUDY_KEY, &self.text)
+    }
+
+    fn sources(&self) -> Vec<(String, String)> {
+        vec![("the study file".into(), self.text.clone()), ("the robot's file".into(), self.urdf.clone())]
+    }
+
+    fn compute(&self, block: Block, (): &mut ()) {
+        block.each(|| self.evaluator(), |evaluator, index, row| evaluator.row(index, row));
     }
 }
 

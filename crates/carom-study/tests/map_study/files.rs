@@ -1,7 +1,8 @@
 //! Files of impact maps: their bytes do not depend on threads, interruptions or shards.
 
 use crate::map_study::study_in;
-use carom_study::map_study::{MapFile, Study, StudyError, Written};
+use carom_study::map_study::{Study, StudyError};
+use carom_study::{RowFile, RowsError, Written};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -16,7 +17,7 @@ fn small(folder: &Path) -> Study {
 
 fn write(study: &Study, path: &Path, rows: std::ops::Range<u64>, threads: usize) -> Vec<u8> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    let file = MapFile { path: path.to_owned(), rows, resume: false };
+    let file = RowFile { path: path.to_owned(), rows, resume: false };
     let done = AtomicU64::new(0);
     let count = |rows| {
         done.fetch_add(rows, Ordering::Relaxed);
@@ -29,7 +30,7 @@ fn write(study: &Study, path: &Path, rows: std::ops::Range<u64>, threads: usize)
 
 /// Starts or resumes a run and stops it once more than `after` rows are computed. Returns the number of rows and the partial
 /// table.
-fn interrupted(study: &Study, file: &MapFile, after: u64) -> (u64, PathBuf) {
+fn interrupted(study: &Study, file: &RowFile, after: u64) -> (u64, PathBuf) {
     let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
     let count = |rows| {
         stop.fetch_or(done.fetch_add(rows, Ordering::Relaxed) + rows > after, Ordering::Relaxed);
@@ -106,7 +107,7 @@ fn an_interrupted_map_is_resumed_to_the_same_bytes() {
     for (name, ending) in [("map.csv", "csv"), ("map.parquet", "parquet")] {
         let whole = write(&study, &folder.path().join(name), 0..study.rows(), 2);
         let path = folder.path().join(format!("again.{ending}"));
-        let mut file = MapFile { path: path.clone(), rows: 0..study.rows(), resume: false };
+        let mut file = RowFile { path: path.clone(), rows: 0..study.rows(), resume: false };
         let mut last = 0;
         for after in [1000, 9000] {
             let (rows, partial) = interrupted(&study, &file, after);
@@ -139,7 +140,7 @@ fn copied_row_groups_have_the_bytes_of_computed_ones() {
     for ending in ["parquet", "csv"] {
         let whole = write(&study, &folder.path().join(format!("map.{ending}")), 0..study.rows(), 2);
         let path = folder.path().join(format!("again.{ending}"));
-        let mut file = MapFile { path: path.clone(), rows: 0..study.rows(), resume: false };
+        let mut file = RowFile { path: path.clone(), rows: 0..study.rows(), resume: false };
         for after in [70_000, 140_000] {
             interrupted(&study, &file, after);
             file.resume = true;
@@ -160,14 +161,14 @@ fn a_truncated_or_foreign_partial_table_is_not_resumed() {
     let study = small(folder.path());
     for ending in ["parquet", "csv"] {
         let mut file =
-            MapFile { path: folder.path().join(format!("map.{ending}")), rows: 0..study.rows(), resume: false };
+            RowFile { path: folder.path().join(format!("map.{ending}")), rows: 0..study.rows(), resume: false };
         interrupted(&study, &file, 2000);
         file.resume = true;
         let left = std::fs::read(file.partial()).unwrap();
         let mut spoilt = left.clone();
         spoilt.truncate(left.len() - 100);
         std::fs::write(file.partial(), &spoilt).unwrap();
-        let refused = |file: &MapFile| study.write(file, &|_| (), &AtomicBool::new(false)).unwrap_err().to_string();
+        let refused = |file: &RowFile| study.write(file, &|_| (), &AtomicBool::new(false)).unwrap_err().to_string();
         let message = refused(&file);
         assert!(message.contains("bytes instead of the") && message.contains("without --resume"), "{message}");
         // the same length, with one bit changed
@@ -193,14 +194,14 @@ fn a_truncated_or_foreign_partial_table_is_not_resumed() {
 fn a_partial_table_of_another_study_or_shard_is_not_resumed() {
     let folder = tempfile::tempdir().unwrap();
     let study = small(folder.path());
-    let mut file = MapFile { path: folder.path().join("map.csv"), rows: 0..study.rows(), resume: false };
+    let mut file = RowFile { path: folder.path().join("map.csv"), rows: 0..study.rows(), resume: false };
     interrupted(&study, &file, 0);
     file.resume = true;
-    let refused = |study: &Study, file: &MapFile| match study.write(file, &|_| (), &AtomicBool::new(false)) {
-        Err(StudyError::Resume { reason, .. }) => reason,
+    let refused = |study: &Study, file: &RowFile| match study.write(file, &|_| (), &AtomicBool::new(false)) {
+        Err(StudyError::Rows(RowsError::Resume { reason, .. })) => reason,
         other => panic!("{other:?}"),
     };
-    let shard = MapFile { rows: 0..10, ..file.clone() };
+    let shard = RowFile { rows: 0..10, ..file.clone() };
     assert!(refused(&study, &shard).contains("the shard"));
     let text = std::fs::read_to_string(folder.path().join("small.toml")).unwrap();
     std::fs::write(folder.path().join("small.toml"), text.replace("0.35", "0.36")).unwrap();

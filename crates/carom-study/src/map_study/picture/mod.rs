@@ -17,7 +17,7 @@ use rayon::prelude::*;
 pub use values::Values;
 
 /// Greatest number of rows of a picture: their values are held in memory.
-const MOST: u64 = 1 << 24;
+pub(crate) const MOST_DRAWN: u64 = 1 << 24;
 /// Greatest number of values of the axis over which heat maps stand side by side.
 const PANELS: u64 = 8;
 
@@ -39,9 +39,9 @@ impl Study {
         let at = at.ok_or_else(|| {
             refuse(format!("the map has no column '{column}': {}", super::read::nearest(column, &names)))
         })?;
-        if self.rows > MOST {
+        if self.rows > MOST_DRAWN {
             return Err(refuse(format!(
-                "the map has {} rows, and a picture allows at most {MOST}: give the axes fewer values",
+                "the map has {} rows, and a picture allows at most {MOST_DRAWN}: give the axes fewer values",
                 self.rows
             )));
         }
@@ -136,12 +136,19 @@ impl Study {
                 "{column}: a logarithmic scale needs values above 0, and the least one is {least}: leave it out, or show another column"
             ));
         }
+        values.svg().map_err(|rule| StudyError::File { file: self.file.clone(), rule })
+    }
+}
+
+impl Values {
+    /// The picture.
+    ///
+    /// # Errors
+    /// Why it cannot be drawn.
+    pub(crate) fn svg(&self) -> Result<String, String> {
         let mut svg = String::new();
-        let drawn = if values.is_curve() { curve::draw(&mut svg, &values) } else { heat_map::draw(&mut svg, &values) };
-        drawn.map_err(|e| StudyError::File {
-            file: self.file.clone(),
-            rule: format!("the picture cannot be drawn: {e}"),
-        })?;
+        let drawn = if self.is_curve() { curve::draw(&mut svg, self) } else { heat_map::draw(&mut svg, self) };
+        drawn.map_err(|e| format!("the picture cannot be drawn: {e}"))?;
         Ok(svg)
     }
 }

@@ -1,0 +1,111 @@
+//! Tables whose rows have numbers: the options and files that maps, cycles and basins share.
+
+use crate::error::CliError;
+use crate::files::Outputs;
+use crate::output::{progress, say};
+use carom_study::{RowFile, Written};
+use clap::Args;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+#[derive(Args)]
+pub struct RowOptions {
+    /// Number of threads, 1 or more [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+    /// Compute part I of N only, 1 ≤ I ≤ N; the parts in order are the whole table
+    #[arg(long, value_name = "I/N", value_parser = parse_shard, requires = "out")]
+    shard: Option<(u64, u64)>,
+    /// Continue from the partial file of an interrupted run, if there is one
+    #[arg(long, requires = "out")]
+    resume: bool,
+}
+
+fn parse_shard(text: &str) -> Result<(u64, u64), String> {
+    let numbers = text.split_once('/').and_then(|(i, n)| Some((i.trim().parse().ok()?, n.trim().parse().ok()?)));
+    match numbers {
+        Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
+        _ => Err("write part/parts, counted from 1, like 3/64".into()),
+    }
+}
+
+impl RowOptions {
+    /// The option that was given, if one was.
+    pub fn given(&self) -> Option<&'static str> {
+        let given =
+            [("--threads", self.threads.is_some()), ("--shard", self.shard.is_some()), ("--resume", self.resume)];
+        given.into_iter().find(|(_, given)| *given).map(|(option, _)| option)
+    }
+
+    /// The one table of the outputs.
+    ///
+    /// # Errors
+    /// [`CliError::Option`]: several tables, a table on standard output, options that do not fit the outputs.
+    pub fn table<'f>(&self, files: &'f Outputs) -> Result<Option<&'f Path>, CliError> {
+        let table = match files.tables.as_slice() {
+            [] => None,
+            [one] if one == Path::new("-") => {
+                let why = "--out -: the table can be resumed from its file: give the name of a table, .csv or .parquet";
+                return Err(CliError::Option(why.into()));
+            }
+            [one] => Some(one.as_path()),
+            [one, other, ..] => {
+                let (one, other) = (one.display(), other.display());
+                return Err(CliError::Option(format!("--out {other}: --out {one} is a table too: give one")));
+            }
+        };
+        if self.shard.is_some() && (files.picture.is_some() || files.recording.is_some()) {
+            let why = "--shard: a picture and a recording are of the whole table: give tables only, or no --shard";
+            return Err(CliError::Option(why.into()));
+        }
+        if table.is_none() && (self.shard.is_some() || self.resume) {
+            let option = if self.resume { "--resume" } else { "--shard" };
+            return Err(CliError::Option(format!("{option} is for a table: give --out X.csv or --out X.parquet")));
+        }
+        Ok(table)
+    }
+
+    /// The threads.
+    ///
+    /// # Errors
+    /// [`CliError::Option`] if they cannot be made.
+    pub fn pool(&self) -> Result<rayon::ThreadPool, CliError> {
+        let threads = self.threads.unwrap_or(0); // 0: as many as there are cores
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build();
+        pool.map_err(|e| CliError::Option(format!("--threads: {e}")))
+    }
+
+    /// Numbers of the rows that are asked for, of so many; `shard` gives those of a part.
+    pub fn rows(&self, all: u64, shard: impl Fn(u64, u64) -> Option<Range<u64>>) -> Range<u64> {
+        self.shard.and_then(|(part, parts)| shard(part, parts)).unwrap_or(0..all)
+    }
+
+    /// Writes rows to a file; `write` computes them.
+    ///
+    /// # Errors
+    /// The error of `write`, or [`CliError::Interrupted`].
+    pub fn write<E: Into<CliError> + Send>(
+        &self,
+        (path, rows): (&Path, Range<u64>),
+        (pool, stop): (&rayon::ThreadPool, &AtomicBool),
+        write: impl FnOnce(&RowFile, &(dyn Fn(u64) + Sync), &AtomicBool) -> Result<Written, E> + Send,
+    ) -> Result<(), CliError> {
+        let total = rows.end - rows.start;
+        let file = RowFile { path: path.to_owned(), rows, resume: self.resume };
+        let left = file.partial();
+        if !self.resume && left.exists() {
+            say(&format!(
+                "warning: {} is the partial file of an interrupted run and will be replaced: --resume would continue from it",
+                left.display()
+            ));
+        }
+        let bar = progress(total, "{bar:40} {human_pos}/{human_len} rows, {per_sec}, {eta} left");
+        let written = pool.install(|| write(&file, &|rows| bar.inc(rows), stop));
+        bar.finish_and_clear();
+        match written.map_err(Into::into)? {
+            Written::Whole => Ok(()),
+            Written::Interrupted { rows, partial } => Err(CliError::Interrupted { rows, total, partial }),
+        }
+    }
+}
