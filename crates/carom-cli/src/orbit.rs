@@ -5,15 +5,16 @@ use crate::files::{self, Kind, Outputs};
 use crate::output::{Printed, answer, brief, progress, say, write_whole};
 use crate::plan::moving_joints;
 use crate::record::{Record, Recorder};
+use crate::rows::RowOptions;
 use crate::simulate::Tables;
 use carom_sim::{Moment, Plan, Sampling, Seen};
-use carom_study::orbit::{Branch, Orbit, OrbitError, Problem, Special};
-use carom_study::state_columns;
+use carom_study::orbit::{Attractor, Branch, Orbit, OrbitError, Problem, Special};
+use carom_study::{Diagram, state_columns};
 use clap::Args;
-use rayon::prelude::*;
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 /// Find a periodic orbit, its stability, and how it changes with a parameter
 ///
@@ -26,10 +27,15 @@ use std::path::{Path, PathBuf};
 /// which small disturbances grow in each period. The orbit is stable if all are below 1 in size.
 /// With --branch the orbit is followed over the parameter of [vary], and folds, flips,
 /// Neimark-Sacker points and changes of the sequence of events are located. With --cycles no orbit
-/// is looked for: the motion runs from the start of the scene at each value of the parameter.
+/// is looked for: the motion runs from the start of the scene at each value of the parameter. With
+/// --basin it runs from each start of the grid of [basin], and it is told to which attractor it leads.
 /// JSON keys: joints, start {q, qd}, period, events [{time, what}], multipliers [[re, im]],
 ///   stability, residual, iterations; with --branch: parameter, points [{parameter, as above}],
-///   special [{kind, parameter, what, after}], end; with --cycles: values, rows, failed.
+///   passages, special [{kind, parameter, what, after}], ended, end, and with --doubled: doubled
+///   [{as a branch}]; with --cycles: values, rows, failed; with --basin:
+///   rows, computed, outcomes [{outcome, cells}], attractors [{period, state {q, qd}, cells}].
+/// An interruption (Ctrl-C) or a full disk keeps the rows of --cycles and --basin that are done in
+/// X.partial.csv or X.partial.parquet; the exit status is 1, and --resume continues.
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
 pub struct OrbitCommand {
@@ -37,8 +43,14 @@ pub struct OrbitCommand {
     #[arg(value_name = "PROBLEM.toml")]
     problem: PathBuf,
     /// Follow the orbit over the parameter of [vary]
-    #[arg(long, conflicts_with = "cycles")]
+    #[arg(long, conflicts_with_all = ["cycles", "basin"])]
     branch: bool,
+    /// Follow also the orbits of twice the period that begin at the first flip, N times in turn
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "branch")]
+    doubled: u8,
+    /// Tell the attractor of each start of the grid of [basin]
+    #[arg(long, conflicts_with = "cycles", requires = "out")]
+    basin: bool,
     /// Run N cycles at each of --values values of the parameter, after --skip cycles
     #[arg(long, value_name = "N", requires = "out", value_parser = clap::value_parser!(u64).range(1..))]
     cycles: Option<u64>,
@@ -50,15 +62,21 @@ pub struct OrbitCommand {
     values: u64,
     /// File to write, of the kind that the ending of its name says; may be repeated
     ///
-    /// .csv, .parquet: the motion of one period, the branch, or the cycles as a table. .svg: a column
-    /// of the branch over the parameter. .rrd: a recording of one period for the Rerun viewer; needs a
+    /// .csv, .parquet: the motion of one period, the branch, the cycles or the basin as a table. .svg: a
+    /// picture of these, of the columns of --show. .rrd: a recording of one period for the Rerun viewer; needs a
     /// carom that is built with the feature `rerun`. With - the table is on standard output as CSV, in
     /// place of the answer.
     #[arg(short, long, value_name = "FILE", verbatim_doc_comment)]
     out: Vec<PathBuf>,
-    /// Column of the branch that is drawn
-    #[arg(long, value_name = "COLUMN", default_value = "multiplier.size", requires = "branch")]
-    show: String,
+    /// Column that is drawn
+    ///
+    /// Of a branch or of cycles a column over the parameter [default: multiplier.size; q of the first
+    /// joint]; of a branch also `multipliers`, all of them in the plane of complex numbers. Of one orbit two
+    /// columns, as q.left,qd.left [default: q and qd of the first joint].
+    #[arg(long, value_name = "COLUMN", requires = "out", conflicts_with = "basin", verbatim_doc_comment)]
+    show: Option<String>,
+    #[command(flatten)]
+    rows: RowOptions,
     #[command(flatten)]
     record: Record,
     /// Print one line of JSON instead of text
@@ -80,73 +98,88 @@ struct Cycles {
     failed: u64,
 }
 
+#[derive(Serialize)]
+struct Branches {
+    #[serde(flatten)]
+    branch: Branch,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    doubled: Option<Vec<Branch>>,
+}
+
+#[derive(Serialize)]
+struct Basins<'a> {
+    rows: u64,
+    computed: u64,
+    outcomes: Vec<Outcome<'a>>,
+    attractors: Vec<Attractor>,
+}
+
+#[derive(Serialize)]
+struct Outcome<'a> {
+    outcome: &'a str,
+    cells: u64,
+}
+
 /// Times of a table or recording of one period.
 const SAMPLES: f64 = 200.0;
 
 impl OrbitCommand {
     pub fn run(mut self, out: &mut dyn Write) -> Result<(), CliError> {
-        let kinds: &[Kind] = match (self.branch, self.cycles) {
-            (true, _) => &[Kind::Table, Kind::Picture],
-            (_, Some(_)) => &[Kind::Table],
-            _ => &[Kind::Table, Kind::Recording],
+        let numbered = self.basin || self.cycles.is_some();
+        let kinds: &[Kind] = if self.branch || numbered {
+            &[Kind::Table, Kind::Picture]
+        } else {
+            &[Kind::Table, Kind::Picture, Kind::Recording]
         };
+        if let Some(option) = self.rows.given().filter(|_| !numbered) {
+            return Err(CliError::Option(format!("{option} is for the rows of --cycles and --basin: leave it out")));
+        }
         let outputs = Outputs::of(&self.out, kinds)?;
         self.record.check(outputs.recording.as_deref())?;
-        if self.record.is_asked() && (self.branch || self.cycles.is_some()) {
+        if self.show.is_some() && outputs.picture.is_none() {
+            return Err(CliError::Option("--show: no picture is written: give --out a name that ends in .svg".into()));
+        }
+        if self.record.is_asked() && (self.branch || numbered) {
             return Err(CliError::Option(
-                "--connect and --spawn record one orbit: leave out --branch and --cycles".into(),
+                "--connect and --spawn record one orbit: leave out --branch, --cycles and --basin".into(),
             ));
         }
-        let problem = Problem::from_file(&self.problem).map_err(|e| self.refuse(e))?;
+        let mut problem = Problem::from_file(&self.problem).map_err(|e| self.refuse(e))?;
         for warning in &problem.warnings {
             say(&format!("warning: {}: {warning}", self.problem.display()));
+        }
+        if numbered {
+            files::check(&problem.files, &outputs.files())?;
+            let stop = files::interrupts();
+            problem.scene.simulation.stop = Some(stop.clone());
+            let table = self.rows.table(&outputs)?;
+            return match self.cycles {
+                Some(cycles) => self.run_cycles(&problem, cycles, (table, outputs.picture.as_deref()), &stop, out),
+                None => self.run_basin(&problem, (table, outputs.picture.as_deref()), &stop, out),
+            };
         }
         let printed = Printed::of(outputs.tables.iter().map(PathBuf::as_path), self.json)?;
         files::check(&problem.files, &outputs.files())?;
         files::clear_when_interrupted();
         let tables: Vec<&Path> = outputs.tables.iter().map(|path| printed.place(path)).collect();
-        if let Some(cycles) = self.cycles {
-            let done = self.run_cycles(&problem, cycles as usize, &tables)?;
-            if printed.is_asked() {
-                return printed.print(out);
-            }
-            let written = answer(out, &done, self.json, |done, out| {
-                writeln!(out, "{} rows: cycles at {} values of {}", done.rows, done.values, problem.parameter_name())?;
-                if done.failed > 0 {
-                    writeln!(out, "at {} values the motion does not return to the section", done.failed)
-                } else {
-                    Ok(())
-                }
-            });
-            return written.map_err(|refused| CliError::refused(&self.problem, refused));
-        }
+        let picture = outputs.picture.as_deref();
         if self.branch {
-            let branch = problem.branch().map_err(|e| self.refuse(e))?;
-            let columns = problem.branch_columns();
-            let mut table = Tables::begin(tables, &columns, &problem.scene.text)?;
-            branch.points.iter().for_each(|point| table.row(&point.row()));
-            table.finish()?;
-            if let Some(path) = &outputs.picture {
-                let Some(svg) = branch.diagram(&columns, &self.show).and_then(|diagram| diagram.svg()) else {
-                    let names: Vec<&str> =
-                        columns.iter().filter(|it| it.words.is_empty()).map(|it| it.name.as_str()).collect();
-                    return Err(CliError::Option(format!(
-                        "--show {}: the columns of the branch are {}",
-                        self.show,
-                        names.join(", ")
-                    )));
-                };
-                write_whole(path, &svg)?;
-            }
+            let branch = self.run_branch(&problem, &tables, picture)?;
             if printed.is_asked() {
                 return printed.print(out);
             }
-            let written = answer(out, &branch, self.json, print_branch);
+            let written = answer(out, &branch, self.json, |all, out| {
+                print_branch(&all.branch, out)?;
+                all.doubled.iter().flatten().try_for_each(|branch| print_branch(branch, out))
+            });
             return written.map_err(|refused| CliError::refused(&self.problem, refused));
         }
         let orbit = problem.find().map_err(|e| self.refuse(e))?;
         let plan = problem.plan_of(&orbit).map_err(|e| self.refuse(e))?;
         self.write_period(&problem, &orbit, &plan, &tables)?;
+        if let Some(path) = picture {
+            self.draw_period(&problem, &orbit, path)?;
+        }
         if printed.is_asked() {
             return printed.print(out);
         }
@@ -162,6 +195,56 @@ impl OrbitCommand {
             OrbitError::File { .. } => CliError::Scene(error.to_string()),
             other => CliError::Scene(format!("{}: {other}", self.problem.display())),
         }
+    }
+
+    /// The branch and those that begin at its flips, as tables and as a picture.
+    fn run_branch(&self, problem: &Problem, tables: &[&Path], picture: Option<&Path>) -> Result<Branches, CliError> {
+        let branch = problem.branch().map_err(|e| self.refuse(e))?;
+        let mut doubled: Vec<Branch> = Vec::new();
+        let mut problem = problem.clone();
+        for _ in 0..self.doubled {
+            let (next, own) = problem.doubled(doubled.last().unwrap_or(&branch)).map_err(|e| self.refuse(e))?;
+            problem = next;
+            doubled.push(own);
+        }
+        let columns = problem.branch_columns();
+        let mut table = Tables::begin(tables.iter().copied(), &columns, &problem.scene.text)?;
+        std::iter::once(&branch).chain(&doubled).flat_map(Branch::rows).for_each(|row| table.row(&row));
+        table.finish()?;
+        if let Some(path) = picture {
+            let show = self.show.as_deref().unwrap_or("multiplier.size");
+            let diagram = if show == "multipliers" {
+                branch.multipliers()
+            } else {
+                let names: Vec<&str> =
+                    columns.iter().filter(|it| it.words.is_empty()).map(|it| it.name.as_str()).collect();
+                branch.diagram(&doubled, &columns, show).ok_or_else(|| {
+                    CliError::Option(format!("--show {show}: the columns of the branch are {}", names.join(", ")))
+                })?
+            };
+            draw(&diagram, path)?;
+        }
+        Ok(Branches { branch, doubled: (self.doubled > 0).then_some(doubled) })
+    }
+
+    /// The motion of one period as a picture.
+    fn draw_period(&self, problem: &Problem, orbit: &Orbit, path: &Path) -> Result<(), CliError> {
+        let given = self.show.as_deref().map(|show| match show.split_once(',') {
+            Some((x, y)) => Ok([x.trim().to_owned(), y.trim().to_owned()]),
+            None => Err(CliError::Option(format!(
+                "--show {show}: the picture of one orbit has two columns: q.left,qd.left"
+            ))),
+        });
+        let usual = || {
+            let why = "--show is missing: no joint has one coordinate that must return: give two columns";
+            problem.usual_portrait().ok_or_else(|| CliError::Option(why.into()))
+        };
+        let [x, y] = given.unwrap_or_else(usual)?;
+        let diagram = problem.portrait(orbit, [&x, &y]).map_err(|error| match error {
+            OrbitError::File { rule, .. } => CliError::Option(format!("--show: {rule}")),
+            other => self.refuse(other),
+        })?;
+        draw(&diagram, path)
     }
 
     /// The motion of one period, as tables and as a recording.
@@ -188,48 +271,110 @@ impl OrbitCommand {
     }
 
     /// The table of cycles.
-    fn run_cycles(&self, problem: &Problem, cycles: usize, tables: &[&Path]) -> Result<Cycles, CliError> {
-        let [from, to] = match problem.range() {
-            Some(range) => range,
-            None if self.values == 1 => [f64::NAN; 2],
-            None => {
-                return Err(CliError::Option(
-                    "--values: the problem has no [vary]: give it parameter, from and to".into(),
-                ));
-            }
-        };
-        let columns = problem.cycle_columns();
-        let mut table = Tables::begin(tables.iter().copied(), &columns, &problem.scene.text)?;
-        let value =
-            |k: u64| if self.values == 1 { from } else { from + (to - from) * k as f64 / (self.values - 1) as f64 };
-        let bar = progress(self.values, "{elapsed:>5} {bar:30} {pos}/{len} values");
-        let mut done = Cycles { values: self.values, rows: 0, failed: 0 };
-        // Of so many values at a time, so that memory does not grow with their number.
-        for first in (0..self.values).step_by(256) {
-            let last = (first + 256).min(self.values);
-            let found: Vec<_> = (first..last)
-                .into_par_iter()
-                .map(|k| {
-                    bar.inc(1);
-                    problem.cycle_rows(value(k), self.skip as usize, cycles)
-                })
-                .collect();
-            for (k, found) in (first..last).zip(found) {
-                let (rows, error) = found.map_err(|e| self.refuse(e))?;
-                if let Some(error) = error {
-                    if done.failed == 0 {
-                        let name = problem.parameter_name();
-                        say(&format!("warning: {}: {name} = {}: {error}", self.problem.display(), value(k)));
-                    }
-                    done.failed += 1;
-                }
-                done.rows += rows.len() as u64;
-                rows.iter().for_each(|row| table.row(row));
-            }
+    fn run_cycles(
+        &self,
+        problem: &Problem,
+        keep: u64,
+        (table, picture): (Option<&Path>, Option<&Path>),
+        stop: &AtomicBool,
+        out: &mut dyn Write,
+    ) -> Result<(), CliError> {
+        let mut cycles = problem.cycles(self.values, self.skip, keep).map_err(|e| self.refuse(e))?;
+        if picture.is_some() {
+            let usual = problem.usual_portrait().map(|[q, _]| q);
+            let show = self.show.clone().or(usual).unwrap_or_default();
+            cycles = cycles.drawing(&show).map_err(|e| self.refuse(e))?;
         }
-        bar.finish_and_clear();
-        table.finish()?;
-        Ok(done)
+        let rows = self.rows.rows(cycles.rows(), |part, parts| cycles.shard(part, parts));
+        let count = rows.end - rows.start;
+        let pool = self.rows.pool()?;
+        if let Some(path) = table {
+            self.rows.write((path, rows), (&pool, stop), |file, count, stop| cycles.write(file, count, stop))?;
+        }
+        if let Some(path) = picture {
+            let bar = progress(count, CELLS);
+            let diagram = pool.install(|| cycles.picture(&|rows| bar.inc(rows), stop));
+            bar.finish_and_clear();
+            draw(&diagram.ok_or_else(interrupted)?, path)?;
+        }
+        let (failed, first) = cycles.failures();
+        let name = problem.parameter_name();
+        if let Some((value, error)) = first {
+            say(&format!("warning: {}: {name} = {value}: {error}", self.problem.display()));
+        }
+        let done = Cycles { values: count / keep, rows: count, failed };
+        let written = answer(out, &done, self.json, |done, out| {
+            writeln!(out, "{} rows: cycles at {} values of {name}", done.rows, done.values)?;
+            if done.failed > 0 {
+                writeln!(out, "at {} values the motion does not return to the section", done.failed)
+            } else {
+                Ok(())
+            }
+        });
+        written.map_err(|refused| CliError::refused(&self.problem, refused))
+    }
+
+    /// The table and the picture of a basin.
+    fn run_basin(
+        &self,
+        problem: &Problem,
+        (table, picture): (Option<&Path>, Option<&Path>),
+        stop: &AtomicBool,
+        out: &mut dyn Write,
+    ) -> Result<(), CliError> {
+        let basin = problem.basin().map_err(|e| self.refuse(e))?;
+        let rows = self.rows.rows(basin.rows(), |part, parts| basin.shard(part, parts));
+        let count = rows.end - rows.start;
+        let pool = self.rows.pool()?;
+        if let Some(path) = table {
+            self.rows.write((path, rows), (&pool, stop), |file, count, stop| basin.write(file, count, stop))?;
+        }
+        if let Some(path) = picture {
+            let bar = progress(count, CELLS);
+            let svg = pool.install(|| basin.picture(&|cells| bar.inc(cells), stop)).map_err(|e| self.refuse(e))?;
+            bar.finish_and_clear();
+            write_whole(path, &svg.ok_or_else(interrupted)?)?;
+        }
+        let outcomes: Vec<Outcome> =
+            basin.outcomes().into_iter().map(|(outcome, cells)| Outcome { outcome, cells }).collect();
+        let computed = outcomes.iter().map(|it| it.cells).sum();
+        let done = Basins { rows: count, computed, outcomes, attractors: basin.attractors() };
+        let written = answer(out, &done, self.json, print_basin);
+        written.map_err(|refused| CliError::refused(&self.problem, refused))
+    }
+}
+
+/// Progress of rows that are computed for a picture.
+const CELLS: &str = "{bar:40} {human_pos}/{human_len} rows, {per_sec}, {eta} left";
+
+fn interrupted() -> CliError {
+    CliError::Option("interrupted: the picture is not written".into())
+}
+
+/// Writes a diagram as SVG.
+fn draw(diagram: &Diagram<2>, path: &Path) -> Result<(), CliError> {
+    let undrawn = || CliError::Option(format!("--out {}: the numbers cannot be drawn", path.display()));
+    write_whole(path, &diagram.svg().ok_or_else(undrawn)?)
+}
+
+/// Number of attractors that are listed for people.
+const LISTED: usize = 20;
+
+fn print_basin(basin: &Basins, out: &mut dyn Write) -> io::Result<()> {
+    let Basins { rows, computed, outcomes, attractors } = basin;
+    writeln!(out, "{rows} cells, of which {computed} were computed")?;
+    for Outcome { outcome, cells } in outcomes {
+        writeln!(out, "{outcome:>14} {cells:>9}")?;
+    }
+    writeln!(out)?;
+    writeln!(out, "attractors: period in cycles, cells, state on the section")?;
+    for Attractor { period, state, cells } in attractors.iter().take(LISTED) {
+        let numbers: Vec<String> = state.q.iter().chain(&state.qd).map(|x| brief(*x)).collect();
+        writeln!(out, "{period:>14} {cells:>9}  {}", numbers.join(" "))?;
+    }
+    match attractors.len().saturating_sub(LISTED) {
+        0 => Ok(()),
+        more => writeln!(out, "and {more} more"),
     }
 }
 
@@ -274,6 +419,9 @@ const ZERO: f64 = 1e-7;
 
 fn print_branch(branch: &Branch, out: &mut dyn Write) -> io::Result<()> {
     let name = &branch.parameter;
+    if branch.passages > 1 {
+        writeln!(out, "orbits of {} passages", branch.passages)?;
+    }
     writeln!(out, "{:>14}  {:>14}  {:>26}  stability", brief_head(name), "period, s", "largest multiplier")?;
     for point in &branch.points {
         let orbit = &point.orbit;

@@ -1,10 +1,13 @@
 //! Periodic orbits: references of the literature and closed forms, and that iteration of the map agrees with Newton's method.
 
-use carom_study::orbit::{Orbit, OrbitError, Problem, Stability};
+use carom_study::orbit::{FAILURES, Orbit, OrbitError, Problem, Stability};
+use carom_study::{RowFile, Written};
 use carom_testing::files::{Folder, path};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
-use std::ops::Deref;
+use std::ops::{Deref, Range};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 #[track_caller]
 fn close(what: &str, found: f64, expected: f64, tolerance: f64) {
@@ -358,6 +361,260 @@ fn iteration_converges_to_stable_orbits_and_leaves_unstable_ones() {
     close("twice the period", next.qd[0], far.qd[0], 1e-9);
 }
 
+/// Closed form: each impact multiplies the area of phase space by e², so that the multipliers of an orbit of two impacts have the product
+/// e⁴. A second route: cycles beside the doubled orbit converge to it where it is stable, and the two states are its two passages.
+#[test]
+fn at_a_flip_a_branch_of_twice_the_period_begins_to_which_cycles_converge() {
+    let (e, fold) = (0.5_f64, PI / 3.0);
+    let flip = (2.0 * (1.0 + e * e) / (1.0 + e).powi(2)).hypot(fold);
+    let to = 1.04 * flip;
+    let problem = shaken(e, 0.95 * flip, to, 1).unwrap();
+    let branch = problem.branch().unwrap();
+    let (again, doubled) = problem.doubled(&branch).unwrap();
+    assert_eq!((branch.passages, doubled.passages, doubled.ended), (1, 2, "range"), "{}", doubled.end);
+    close("begins at the flip", doubled.points[0].parameter, flip, 1e-8);
+    let last = doubled.points.last().unwrap();
+    assert_eq!((last.parameter, last.orbit.stability), (to, Stability::Stable));
+    for point in &doubled.points {
+        let product: f64 = point.orbit.multipliers.iter().map(|x| x.norm()).product();
+        close("product", product, e.powi(4), 1e-8);
+    }
+    let near = |from: f64| {
+        let mut start = last.orbit.start.clone();
+        start.qd[0] += from;
+        problem.cycle(to, start).unwrap().nth(399).unwrap().unwrap()
+    };
+    let far = near(1e-3);
+    close("position", far.q[0], last.orbit.start.q[0], 1e-9);
+    close("velocity", far.qd[0], last.orbit.start.qd[0], 1e-9);
+    let other = problem.cycle(to, far).unwrap().next().unwrap().unwrap();
+    assert!((other.qd[0] - last.orbit.start.qd[0]).abs() > 1e-3, "the two passages differ");
+    // The doubled branch has no flip in this range.
+    let error = again.doubled(&doubled).err().unwrap().to_string();
+    assert!(error.contains("the branch has no flip"), "{error}");
+}
+
+/// A second route of a walker: the doubled gait is that to which steps converge.
+#[test]
+fn the_doubled_compass_gait_limps_as_its_steps_do() {
+    let file = path("studies/compass.toml");
+    let keys = std::fs::read_to_string(&file).unwrap().replace("from = 3", "from = 4.3").replace("to = 5", "to = 4.5");
+    let keys = keys.replace("[orbit]", "[orbit]\nbefore = 40");
+    let problem = Problem::from_toml(&keys, file.parent().unwrap()).unwrap();
+    let (_, doubled) = problem.doubled(&problem.branch().unwrap()).unwrap();
+    let last = doubled.points.last().unwrap();
+    assert_eq!((doubled.ended, last.parameter, last.orbit.stability), ("range", 4.5, Stability::Stable));
+    let mut start = last.orbit.start.clone();
+    start.qd.iter_mut().for_each(|v| *v *= 1.0 + 1e-4);
+    let far = problem.cycle(4.5, last.orbit.start.clone()).unwrap().nth(1).unwrap().unwrap();
+    (0..4).for_each(|k| close("two steps", far.qd[k], last.orbit.start.qd[k], 1e-9));
+    let other = problem.cycle(4.5, last.orbit.start.clone()).unwrap().next().unwrap().unwrap();
+    assert!((other.qd[2] - last.orbit.start.qd[2]).abs() > 1e-2, "a limp");
+}
+
+/// Closed form: the ball rises g T²/8 above the place A sin φ of its impact, where A ω cos φ = (1−e)/(1+e) g T/2. Under a ceiling the branch
+/// ends where it touches.
+#[test]
+fn a_branch_that_reaches_a_ceiling_ends_by_grazing_at_the_closed_form() {
+    let (e, g, omega) = (0.5_f64, 9.81, 20.0 * PI);
+    let period = TAU / omega;
+    let case = shaken(e, 1.2, 1.5, 1).unwrap();
+    let across = (1.0 - e) / (1.0 + e) * g * period / (2.0 * omega);
+    let grazes = 1.35;
+    let height = ((grazes * g / (omega * omega)).powi(2) - across * across).sqrt() + g * period * period / 8.0;
+    let scene = std::fs::read_to_string(case.1.0.join("scene.toml")).unwrap();
+    let ceiling = format!(
+        "[[surface]]\nname = \"ceiling\"\nshape = {{ halfspace = {{ point = [0, 0, {height}], normal = [0, 0, -1] }} }}\n[contact]"
+    );
+    std::fs::write(case.1.0.join("scene.toml"), scene.replace("[contact]", &ceiling)).unwrap();
+    let keys = format!(
+        "scene = \"scene.toml\"\nsection.period = {period}\nvary = {{ parameter = \"gamma\", from = 1.2, to = 1.5, set = {{ \
+         \"surface[0].motion.amplitude[2]\" = \"{}*gamma\" }} }}",
+        g / (omega * omega)
+    );
+    let branch = Problem::from_toml(&keys, &case.1.0).unwrap().branch().unwrap();
+    assert_eq!(branch.ended, "grazing", "{}", branch.end);
+    close("touches", branch.points.last().unwrap().parameter, grazes, 1e-6);
+    assert!(branch.points.iter().all(|point| point.orbit.events.len() == 1));
+}
+
+/// The bytes of rows that are written with so many threads.
+fn written(
+    write: impl Fn(&RowFile, &AtomicBool) -> Written + Sync,
+    path: &Path,
+    rows: Range<u64>,
+    threads: usize,
+) -> Vec<u8> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let file = RowFile { path: path.to_owned(), rows, resume: false };
+    assert_eq!(pool.install(|| write(&file, &AtomicBool::new(false))), Written::Whole);
+    std::fs::read(path).unwrap()
+}
+
+/// A row of cycles is that of the iteration of the map, whatever the number of threads, the part and the interruption: also one within the
+/// cycles of a value.
+#[test]
+fn rows_of_cycles_are_functions_of_their_number() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let problem = shaken(0.5, 1.2, 1.5, 1).unwrap();
+    let cycles = problem.cycles(7, 5, 300).unwrap();
+    let write = |file: &RowFile, stop: &AtomicBool| cycles.write(file, &|_| (), stop).unwrap();
+    let whole = written(write, &file("whole.csv"), 0..cycles.rows(), 1);
+    let text = String::from_utf8(whole.clone()).unwrap();
+    let rows: Vec<Vec<&str>> = text.lines().skip(1).map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.len(), 2100);
+    let number = |text: &str| text.parse::<f64>().unwrap();
+    for place in [0, 299, 300, 1000] {
+        let (value, cycle) = (place / 300, place % 300);
+        let parameter = 1.2 + 0.3 * value as f64 / 6.0;
+        close("parameter", number(rows[place][0]), parameter, 1e-15);
+        assert_eq!(number(rows[place][1]), 5.0 + cycle as f64);
+        let start = carom_study::orbit::State { q: problem.scene.q.clone(), qd: problem.scene.qd.clone() };
+        let state = problem.cycle(number(rows[place][0]), start).unwrap().nth(5 + cycle).unwrap().unwrap();
+        assert_eq!((number(rows[place][2]), number(rows[place][3])), (state.q[0], state.qd[0]), "row {place}");
+    }
+    assert!(whole == written(write, &file("threads.csv"), 0..cycles.rows(), 3), "threads");
+    let mut joined = Vec::new();
+    for part in 1..=3 {
+        let text = written(write, &file("part.csv"), cycles.shard(part, 3).unwrap(), 2);
+        let header = text.iter().position(|byte| *byte == b'\n').unwrap() + 1;
+        joined.extend_from_slice(if part == 1 { &text } else { &text[header..] });
+    }
+    assert!(whole == joined, "parts");
+    for ending in ["csv", "parquet"] {
+        let whole = written(write, &file(&format!("whole.{ending}")), 0..cycles.rows(), 2);
+        let mut again = RowFile { path: file(&format!("again.{ending}")), rows: 0..cycles.rows(), resume: false };
+        let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
+        let count = |rows: u64| {
+            stop.fetch_or(done.fetch_add(rows, Ordering::Relaxed) + rows > 1200, Ordering::Relaxed);
+        };
+        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let left = one.install(|| cycles.write(&again, &count, &stop)).unwrap();
+        let Written::Interrupted { rows, .. } = left else { panic!("{left:?}") };
+        assert!(rows > 0 && rows % 300 != 0, "{rows} rows: within the cycles of a value");
+        again.resume = true;
+        let other = problem.cycles(7, 6, 300).unwrap().write(&again, &|_| (), &AtomicBool::new(false)).unwrap_err();
+        assert!(other.to_string().contains("the number of values or of cycles has changed since"), "{other}");
+        assert_eq!(write(&again, &AtomicBool::new(false)), Written::Whole);
+        assert!(std::fs::read(&again.path).unwrap() == whole, "{ending}");
+    }
+}
+
+/// After a cycle that does not return the rows have no state, and the reason as a word.
+#[test]
+fn cycles_that_do_not_return_have_rows_with_their_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    // At a slope of 0.3 degrees the walker stops.
+    let scene = walk(9.81, 0.3_f64.to_radians(), [-0.271, 1.09, 0.377]);
+    let problem = problem(&biped(10.0, 5.0, 0.5), &scene, STEP).unwrap();
+    let cycles = problem.cycles(1, 0, 40).unwrap();
+    let path = folder.path().join("cycles.csv");
+    cycles
+        .write(&RowFile { path: path.clone(), rows: 0..40, resume: false }, &|_| (), &AtomicBool::new(false))
+        .unwrap();
+    let text = std::fs::read_to_string(path).unwrap();
+    let outcomes: Vec<&str> = text.lines().skip(1).map(|line| line.rsplit(',').next().unwrap()).collect();
+    let (failures, first) = cycles.failures();
+    let (_, error) = first.unwrap();
+    assert_eq!((outcomes.len(), failures, outcomes[39]), (40, 1, error.name()), "{error}");
+    assert!(FAILURES.contains(&outcomes[39]));
+    let returned = outcomes.iter().take_while(|outcome| **outcome == "returned").count();
+    assert!(outcomes[returned..].iter().all(|outcome| *outcome == outcomes[39]));
+    assert!(text.lines().last().unwrap().contains("NaN"));
+}
+
+/// Closed form: a rimless wheel passes its next spoke if ω² exceeds 2 g (1 − cos(α − γ))/(1 + J) just after an impact; a step adds
+/// 4 g sin α sin γ/(1 + J) to ω², and the impact multiplies it by a factor. So each start rolls on to the one cycle, or falls back.
+#[test]
+fn a_start_of_a_rimless_wheel_rolls_on_exactly_if_its_energy_lifts_it_over_each_spoke() {
+    let (alpha, inertia, g) = (PI / 8.0, 0.02, 9.81);
+    let mut feet = String::new();
+    for k in 0..8 {
+        let angle = alpha + 2.0 * alpha * f64::from(k);
+        feet += &foot([angle.sin(), 0.0, -angle.cos()]);
+    }
+    let mut urdf = String::from(r#"<robot name="wheel"><link name="ground"/><link name="rail"/><link name="post"/>"#);
+    urdf += &joint("x", "prismatic", ["ground", "rail"], "1 0 0");
+    urdf += &joint("z", "prismatic", ["rail", "post"], "0 0 1");
+    urdf += &mass("wheel", 1.0, 0.0, inertia).replace("FEET", &feet);
+    urdf += &joint("pitch", "continuous", ["post", "wheel"], "0 1 0");
+    urdf += "</robot>";
+    let scene = format!(
+        r#"
+[robot]
+urdf = "robot.urdf"
+tip = "wheel"
+q = [0, {}, 0]
+qd = [{}, {}, 1.0]
+[[surface]]
+name = "slope"
+shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}
+[contact]
+restitution = 0
+friction = 2
+[run]
+duration = 5
+gravity = [1, 0, -9.81]"#,
+        alpha.cos(),
+        alpha.cos(),
+        alpha.sin()
+    );
+    // The stance spoke passes the normal of the slope.
+    let keys = format!(
+        r#"
+section.rising = "pitch - {alpha}"
+orbit = {{ modulo = ["x"], relabel = {{ pitch = "pitch - {}" }}, tolerance = 1e-9 }}
+vary = {{ parameter = "slope", from = 0.02, to = 0.1, set = {{ "run.gravity[0]" = "{g}*sin(slope)", "run.gravity[2]" = "-{g}*cos(slope)" }} }}
+[basin]
+x = {{ what = "rate", from = 0.25, to = 1.55, points = 12 }}
+y = {{ what = "slope", from = 0.02, to = 0.1, points = 5 }}
+set = {{ "robot.qd[0]" = "rate*{}", "robot.qd[1]" = "rate*{}", "robot.qd[2]" = "rate" }}"#,
+        2.0 * alpha,
+        alpha.cos(),
+        alpha.sin()
+    );
+    let case = problem(&urdf, &scene, &keys).unwrap();
+    let basin = case.basin().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let write = |file: &RowFile, stop: &AtomicBool| basin.write(file, &|_| (), stop).unwrap();
+    let whole = written(write, &folder.path().join("basin.csv"), 0..60, 2);
+    let factor = ((inertia + (2.0 * alpha).cos()) / (inertia + 1.0)).powi(2);
+    let (mut rolls, mut falls) = (0, 0);
+    for line in String::from_utf8(whole.clone()).unwrap().lines().skip(1) {
+        let cells: Vec<&str> = line.split(',').collect();
+        let number = |k: usize| cells[k].parse::<f64>().unwrap();
+        let (rate, slope) = (number(0), number(1));
+        let needed = 2.0 * g * (1.0 - (alpha - slope).cos()) / (1.0 + inertia);
+        let gained = 4.0 * g * alpha.sin() * slope.sin() / (1.0 + inertia);
+        let (mut square, mut passes) = (rate * rate, true);
+        for _ in 0..200 {
+            passes &= square > needed;
+            square = factor * (square + gained);
+        }
+        assert!((square / needed - 1.0).abs() > 1e-3, "no cell is at the boundary");
+        if passes {
+            rolls += 1;
+            let after = square + 2.0 * g * ((alpha - slope).cos() - slope.cos()) / (1.0 + inertia);
+            assert_eq!((cells[2], cells[4]), ("settled", "1"), "{line}");
+            // qd of the pitch, rounded to 1e-3.
+            close("rate of the cycle", number(10), after.sqrt(), 5.1e-4);
+        } else {
+            falls += 1;
+            assert_ne!(cells[2], "settled", "{line}");
+        }
+    }
+    assert!(rolls > 10 && falls > 10, "{rolls} roll, {falls} fall");
+    let settled: u64 = basin.attractors().iter().map(|it| it.cells).sum();
+    assert_eq!((settled, basin.outcomes()[0]), (rolls, ("settled", rolls)));
+    // Rows are functions of their number.
+    let part = written(write, &folder.path().join("part.csv"), basin.shard(2, 3).unwrap(), 1);
+    let lines = |bytes: &[u8]| String::from_utf8_lossy(bytes).lines().map(str::to_owned).collect::<Vec<_>>();
+    assert_eq!(lines(&part)[1..], lines(&whole)[21..41]);
+    let svg = basin.picture(&|_| panic!("all cells are computed"), &AtomicBool::new(false)).unwrap().unwrap();
+    assert!(svg.contains("A: period 1") && svg.contains("Basins of attraction"));
+}
+
 /// What is wrong is told with the key, the value and what there is.
 #[test]
 fn wrong_problems_are_refused_with_key_value_and_rule() {
@@ -381,6 +638,23 @@ fn wrong_problems_are_refused_with_key_value_and_rule() {
     for (keys, told) in cases {
         let error = problem(&biped(10.0, 5.0, 0.5), &scene, keys).err().map(|e| e.to_string()).unwrap_or_default();
         assert!(error.contains(told), "{keys}: {error}");
+    }
+    let basin = |x: &str| {
+        format!(
+            "section.contact = \"left_leg\"\nbasin = {{ x = {x}, y = {{ what = \"z\", from = 0, to = 1, points = 2 }} }}"
+        )
+    };
+    for (x, told) in [
+        (
+            "{ what = \"knee\", from = 0, to = 1, points = 3 }",
+            "x.what = \"knee\": it is no variable of the state (x, qd x",
+        ),
+        ("{ what = \"z\", from = 0, to = 1, points = 3 }", "x.what and y.what are both \"z\""),
+        ("{ what = \"left\", from = 1, to = 1, points = 3 }", "the ends of a range must differ"),
+        ("{ what = \"contact.bounce\", from = 0, to = 1, points = 3 }", "contact.bounce"),
+    ] {
+        let error = problem(&biped(10.0, 5.0, 0.5), &scene, &basin(x)).err().map(|e| e.to_string()).unwrap_or_default();
+        assert!(error.contains(told), "{x}: {error}");
     }
     // A section that is never reached names itself and what was seen.
     let error = problem(&biped(10.0, 5.0, 0.5), &scene, "section.rising = \"z - 5\"").unwrap().find().unwrap_err();

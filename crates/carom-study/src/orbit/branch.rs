@@ -15,10 +15,18 @@
 //! | `fold` | the component of t along π | a multiplier is +1: the branch turns back |
 //! | `flip` | det(DP + 1) | a multiplier is −1: an orbit of twice the period begins |
 //! | `neimark-sacker` | the largest |μ| − 1 of complex pairs | a complex pair has the size 1 |
-//! | `events` | – | the sequence of events changes |
+//! | `grazing` | – | an impact appears or vanishes |
+//! | `sticking` | – | sticking of a contact, or of a joint with dry friction, begins in the period or vanishes from it |
+//! | `sliding` | – | the same of sliding |
+//! | `accumulation` | – | an accumulation of impacts appears or vanishes |
+//! | `events` | – | the sequence of events changes in another way |
+//!
+//! At a flip the orbits of twice the period begin ([`Problem::doubled`]): from the flip the first step is along the eigenvector of −1, at a
+//! constant parameter.
 
 use super::newton::{Look, STEPS, difference};
 use super::problem::{Problem, Vary};
+use super::return_map::Period;
 use super::{Orbit, OrbitError};
 use carom_impact::least_norm;
 use carom_sim::Plan;
@@ -32,9 +40,14 @@ pub struct Branch {
     pub parameter: String,
     /// The orbits, in the order of the branch.
     pub points: Vec<Point>,
+    /// Number of passages of the section in one period.
+    pub passages: usize,
     /// Where the branch bifurcates, turns back, or has another sequence of events.
     pub special: Vec<Special>,
-    /// Why it ends.
+    /// Why it ends, in a word: `range` (its end), `start` (back beyond the start of the range), `points` (their greatest number); `grazing`,
+    /// `sticking`, `sliding`, `accumulation`, `events` (how the events change there); a word of [`FAILURES`](super::FAILURES) or `not-converged` (what fails there).
+    pub ended: &'static str,
+    /// Why it ends, in a sentence.
     pub end: String,
 }
 
@@ -51,7 +64,7 @@ pub struct Point {
 /// A special point of a branch.
 #[derive(Debug, Clone, Serialize)]
 pub struct Special {
-    /// `fold`, `flip`, `neimark-sacker`, `events`.
+    /// `fold`, `flip`, `neimark-sacker`; `grazing`, `sticking`, `sliding`, `accumulation`, `events`: how the events change.
     pub kind: &'static str,
     /// Value of the parameter.
     pub parameter: f64,
@@ -81,6 +94,8 @@ const QUICK: usize = 4;
 const CORRECTIONS: usize = 8;
 /// Special points are located to this share of the range.
 const LOCATED: f64 = 1e-10;
+/// By what −1 is shifted to find its eigenvector: more than the error of the multiplier at a located flip, so that the matrix is regular.
+const EIGENVALUE: f64 = 1e-6;
 /// A function that changes by more within the located interval jumps.
 const JUMP: f64 = 1e-3;
 
@@ -101,32 +116,82 @@ impl Problem {
         let (look, iterations) = self.first(&plan)?;
         let mut toward = DVector::zeros(look.r.len() + 1);
         toward[look.r.len()] = 1.0;
-        let mut here = self.place(&vary, (vary.from, plan), look, &toward);
+        let here = self.place(&vary, (vary.from, plan), look, &toward);
+        self.follow_on(&vary, here, (iterations, FIRST))
+    }
+
+    /// Follows the orbits of twice the period that begin at the first flip of a branch of this problem; returns also the problem of them,
+    /// whose period has twice the passages.
+    ///
+    /// # Errors
+    /// [`OrbitError`]: the branch has no flip, or the orbit at the flip is not found.
+    pub fn doubled(&self, branch: &Branch) -> Result<(Self, Branch), OrbitError> {
+        let flip = branch.special.iter().find(|it| it.kind == "flip");
+        let (Some(vary), Some(flip)) = (self.vary.clone(), flip) else {
+            let file = self.files.first().map_or_else(String::new, |file| file.display().to_string());
+            let rule = "the branch has no flip, at which orbits of twice the period begin: follow it over a longer range of [vary]";
+            return Err(OrbitError::File { file, rule: rule.into() });
+        };
+        let near = &branch.points[flip.after.clamp(1, branch.points.len()) - 1].orbit.start;
+        let plan = self.plan(Some(flip.parameter))?;
+        let parameter = self.parameter(flip.parameter);
+        let (look, iterations) = self.find_from(&plan, near.clone(), None)?;
+        let n = look.r.len();
+        let unknown = self.unknown(n);
+        let m = unknown.len();
+        // Inverse iteration; the flip is located to less than the shift.
+        let shifted = look.found.by_state.select_rows(&unknown).select_columns(&unknown)
+            + DMatrix::identity(m, m) * (1.0 + EIGENVALUE);
+        let factors = shifted.lu();
+        let mut along = DVector::from_element(m, 1.0);
+        for _ in 0..STEPS {
+            along = factors.solve(&along).unwrap_or(along);
+            along /= along.norm();
+        }
+        let mut direction = DVector::zeros(n + 1);
+        unknown.iter().enumerate().for_each(|(i, k)| direction[*k] = along[i]);
+        let problem = Self { passages: 2 * self.passages, ..self.clone() };
+        let look = problem.look(&plan, look.x, parameter.as_ref())?;
+        let place = problem.place(&vary, (flip.parameter, plan), look, &direction);
+        let doubled = problem.follow_on(&vary, Place { direction, ..place }, (iterations, 0.1 * FIRST))?;
+        Ok((problem, doubled))
+    }
+
+    /// Follows a branch from a place on it, which was found by so many runs, with a first step of this length.
+    fn follow_on(
+        &self,
+        vary: &Vary,
+        mut here: Place,
+        (iterations, mut step): (usize, f64),
+    ) -> Result<Branch, OrbitError> {
         let mut branch = Branch {
             parameter: vary.name.clone(),
             points: vec![self.point(&here, iterations)],
+            passages: self.passages,
             special: Vec::new(),
+            ended: "points",
             end: String::new(),
         };
-        let mut step = FIRST;
         while branch.points.len() < vary.points {
-            match self.next(&vary, &here, step) {
+            match self.next(vary, &here, step) {
                 Ok((there, iterations)) => {
                     let beyond = |value: f64| (value - vary.from) / (vary.to - vary.from);
                     let (share, turned) = (beyond(there.value), there.direction[there.look.r.len()] < 0.0);
                     if share >= 1.0 && !turned {
-                        let last = self.landed(&vary, &here, &there);
-                        self.specials(&vary, &here, last.as_ref().unwrap_or(&there), step, &mut branch);
+                        let last = self.landed(vary, &here, &there);
+                        self.specials(vary, &here, last.as_ref().unwrap_or(&there), step, &mut branch);
                         if let Some(last) = last {
                             branch.points.push(self.point(&last, iterations));
                         }
-                        branch.end = format!("{} = {}, the end of the range", vary.name, vary.to);
+                        (branch.ended, branch.end) =
+                            ("range", format!("{} = {}, the end of the range", vary.name, vary.to));
                         return Ok(branch);
                     }
-                    self.specials(&vary, &here, &there, step, &mut branch);
+                    self.specials(vary, &here, &there, step, &mut branch);
                     branch.points.push(self.point(&there, iterations));
                     if share < 0.0 {
-                        branch.end = format!("{} = {}: back beyond the start of the range", vary.name, there.value);
+                        let end = format!("{} = {}: back beyond the start of the range", vary.name, there.value);
+                        (branch.ended, branch.end) = ("start", end);
                         return Ok(branch);
                     }
                     here = there;
@@ -135,7 +200,8 @@ impl Problem {
                     }
                 }
                 Err(error) if step <= SHORTEST => {
-                    branch.end = format!("near {} = {}: {error}", vary.name, here.value);
+                    branch.ended = self.ended(vary, &here, &error);
+                    branch.end = format!("{} = {}, by {}: {error}", vary.name, here.value, branch.ended);
                     return Ok(branch);
                 }
                 Err(OrbitError::Run(error @ carom_sim::SimError::Stopped { .. })) => return Err(error.into()),
@@ -144,6 +210,24 @@ impl Problem {
         }
         branch.end = format!("{} points were computed: give [vary] more points", vary.points);
         Ok(branch)
+    }
+
+    /// Why a branch ends after a place, where longer steps fail with this error: how the events of motions beyond it differ, or what fails.
+    fn ended(&self, vary: &Vary, here: &Place, error: &OrbitError) -> &'static str {
+        let n = here.look.r.len();
+        let before = sequence(&here.look.found.period);
+        let mut step = SHORTEST;
+        while step <= FIRST {
+            let value = here.value + step * here.direction[n] * (vary.to - vary.from);
+            let beyond = self.moved(&here.plan, &here.look, &(here.direction.rows(0, n) * step));
+            let beyond = self.plan(Some(value)).and_then(|plan| self.period(&plan, &beyond?));
+            match beyond {
+                Ok(period) if sequence(&period) != before => return change(&before, &sequence(&period)),
+                Ok(_) => step *= 10.0,
+                Err(error) => return error.name(),
+            }
+        }
+        error.name()
     }
 
     fn point(&self, place: &Place, iterations: usize) -> Point {
@@ -233,10 +317,10 @@ impl Problem {
     fn specials(&self, vary: &Vary, here: &Place, there: &Place, step: f64, branch: &mut Branch) {
         let after = branch.points.len();
         let mut add = |kind, parameter, what: String| branch.special.push(Special { kind, parameter, what, after });
-        let (before, now) = (sequence(&here.look), sequence(&there.look));
+        let (before, now) = (sequence(&here.look.found.period), sequence(&there.look.found.period));
         if before != now {
             let near = self.border(vary, here, step, &before);
-            add("events", near, format!("from {} to {}", before.join(", "), now.join(", ")));
+            add(change(&before, &now), near, format!("from {} to {}", before.join(", "), now.join(", ")));
             return;
         }
         type Test = (&'static str, fn(&Place) -> f64, &'static str);
@@ -291,7 +375,7 @@ impl Problem {
         while high - low > LOCATED {
             let middle = 0.5 * (low + high);
             match self.next(vary, here, middle) {
-                Ok((place, _)) if sequence(&place.look) == events => (low, value) = (middle, place.value),
+                Ok((place, _)) if sequence(&place.look.found.period) == events => (low, value) = (middle, place.value),
                 _ => high = middle,
             }
         }
@@ -300,8 +384,23 @@ impl Problem {
 }
 
 /// The sequence of events of an orbit.
-fn sequence(look: &Look) -> Vec<&str> {
-    look.found.period.events.iter().map(|event| event.what.as_str()).collect()
+fn sequence(period: &Period) -> Vec<&str> {
+    period.events.iter().map(|event| event.what.as_str()).collect()
+}
+
+/// How a sequence of events differs from another: by an accumulation of impacts, by an impact, by sticking, by sliding, or in another way.
+fn change(before: &[&str], after: &[&str]) -> &'static str {
+    let kinds = |events: &[&str], of: &[&str]| {
+        events.iter().filter(|event| of.iter().any(|kind| event.split(' ').next() == Some(kind))).count()
+    };
+    let tests: [(&'static str, &[&str]); 4] = [
+        ("accumulation", &["zeno"]),
+        ("grazing", &["impact", "several", "limit", "latch"]),
+        ("sticking", &["sticking", "joint-stops"]),
+        ("sliding", &["sliding", "joint-moves"]),
+    ];
+    let differs = tests.into_iter().find(|(_, of)| kinds(before, of) != kinds(after, of));
+    differs.map_or("events", |(name, _)| name)
 }
 
 /// The largest |μ| − 1 of complex pairs; −1 without one.

@@ -13,13 +13,18 @@
 //! DP in each period, so that the orbit is stable if all |μ| < 1 and unstable if one |μ| > 1 (Guckenheimer & Holmes 1983, section 1.5; with
 //! impacts: Leine & Nijmeijer 2004, chapter 7). [`Problem::branch`] follows an orbit over a parameter: `branch.rs`.
 
+mod basin;
 mod branch;
+mod cycles;
 mod newton;
+mod pictures;
 mod problem;
 mod return_map;
 mod table;
 
+pub use basin::{Attractor, Basin};
 pub use branch::{Branch, Point, Special};
+pub use cycles::Cycles;
 pub use problem::Problem;
 pub use return_map::Cycle;
 
@@ -170,4 +175,31 @@ pub enum OrbitError {
         /// The least that was reached.
         residual: f64,
     },
+}
+
+/// How runs to the section fail, as words of tables; the book explains them: `book/src/task-orbits.md`.
+pub const FAILURES: [&str; 8] =
+    ["no-return", "overlap", "jam", "squeezed", "jumps", "pressing", "no-derivative", "fails"];
+
+impl OrbitError {
+    /// Its name: one of [`FAILURES`], or `not-converged`.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::NoReturn { .. } => "no-return",
+            Self::Run(SimError::Overlap { .. } | SimError::ClosesInside { .. }) => "overlap",
+            Self::Run(SimError::Jam { .. }) => "jam",
+            Self::Run(SimError::Squeezed { .. }) => "squeezed",
+            Self::Jumps { .. } => "jumps",
+            Self::Presses { .. } => "pressing",
+            Self::NoDerivative { .. } => "no-derivative",
+            Self::NotConverged { .. } => "not-converged",
+            Self::File { .. } | Self::Run(_) => "fails",
+        }
+    }
+
+    /// The number of its word in a column of a first word and [`FAILURES`].
+    fn outcome(&self) -> f64 {
+        let last = FAILURES.len() - 1;
+        (1 + FAILURES.iter().position(|name| *name == self.name()).unwrap_or(last)) as f64
+    }
 }

@@ -1,6 +1,7 @@
 //! Reads a problem file: the scene, the section, and what is asked. The book documents the keys: `book/src/task-orbits.md`.
 
 use super::{Orbit, OrbitError, State};
+use crate::map_study::Axis;
 use carom_chain::{Chain, input};
 use carom_sim::{LinearFunction, Parameter, Plan, Scene, Simulation};
 use exmex::prelude::*;
@@ -18,6 +19,7 @@ struct File {
     #[serde(default)]
     orbit: OrbitKeys,
     vary: Option<VaryKeys>,
+    basin: Option<BasinKeys>,
 }
 
 #[derive(Deserialize)]
@@ -52,6 +54,27 @@ struct VaryKeys {
     points: Option<usize>,
 }
 
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BasinKeys {
+    x: AxisKeys,
+    y: AxisKeys,
+    #[serde(default)]
+    set: BTreeMap<String, String>,
+    cycles: Option<usize>,
+    periods: Option<usize>,
+    tolerance: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AxisKeys {
+    what: String,
+    from: f64,
+    to: f64,
+    points: u64,
+}
+
 /// A periodic orbit that is looked for: a scene, a section, a relabelling.
 ///
 /// ```
@@ -61,6 +84,7 @@ struct VaryKeys {
 /// assert_eq!(orbit.stability, Stability::Stable);
 /// # Ok::<(), carom_study::orbit::OrbitError>(())
 /// ```
+#[derive(Clone)]
 pub struct Problem {
     /// The scene. Its start is where the search begins; its duration is the longest time of one passage.
     pub scene: Scene,
@@ -79,6 +103,9 @@ pub struct Problem {
     pub(super) before: usize,
     pub(super) tolerance: f64,
     pub(super) vary: Option<Vary>,
+    pub(super) basin: Option<Grid>,
+    /// The text of the problem file.
+    pub(super) text: String,
 }
 
 /// Where a period begins and ends.
@@ -110,7 +137,44 @@ pub(super) struct Vary {
     pub to: f64,
     pub points: usize,
     /// The keys that follow it.
-    set: Vec<(String, FlatEx<f64>)>,
+    set: Formulas,
+}
+
+/// Numbers of the scene as functions of names: the path of a key, and its formula.
+type Formulas = Vec<(String, FlatEx<f64>)>;
+
+/// A grid of starts.
+#[derive(Debug, Clone)]
+pub(super) struct Grid {
+    /// The axes; the first varies fastest.
+    pub axes: [GridAxis; 2],
+    set: Formulas,
+    /// Greatest number of cycles.
+    pub cycles: usize,
+    /// Greatest number of cycles of one period of an attractor.
+    pub periods: usize,
+    /// To which states of attractors are rounded, in the unit of each number.
+    pub tolerance: f64,
+}
+
+/// An axis of a grid.
+#[derive(Debug, Clone)]
+pub(super) struct GridAxis {
+    pub axis: Axis,
+    means: Means,
+}
+
+/// What the number of an axis is.
+#[derive(Debug, Clone, PartialEq)]
+enum Means {
+    /// The number with this index in (q, qd) of the start.
+    State(usize),
+    /// The parameter of `vary`.
+    Parameter,
+    /// The number at the path of a key of the scene.
+    Key,
+    /// A variable of the formulas.
+    Variable,
 }
 
 impl Problem {
@@ -188,8 +252,16 @@ impl Problem {
             before: at_least_one("before", *before, 1)?,
             tolerance,
             vary: vary.transpose()?,
+            basin: None,
+            text: text.to_owned(),
             scene,
         };
+        let grid = file.basin.as_ref().map(|keys| problem.grid(keys).map_err(|why| refuse(format!("[basin] {why}"))));
+        let problem = Self { basin: grid.transpose()?, ..problem };
+        if let Some(grid) = &problem.basin {
+            // As below.
+            problem.plan_in(grid, [0, 1].map(|k| grid.axes[k].axis.value(0)))?;
+        }
         if let Some(vary) = &problem.vary {
             // A key that leads nowhere, or a value that the scene refuses, is told now.
             problem.plan(Some(vary.from))?;
@@ -198,12 +270,52 @@ impl Problem {
         Ok(problem)
     }
 
+    /// The start of the scene.
+    pub(super) fn start(&self) -> State {
+        State { q: self.scene.q.clone(), qd: self.scene.qd.clone() }
+    }
+
+    /// What rows of a table are computed from: the files, and options of this name.
+    pub(super) fn sources(&self, name: &str, options: String) -> Vec<(String, String)> {
+        let files = self.files.iter().map(|file| {
+            // A file that has vanished since is not the one that was read.
+            let sum = std::fs::read(file).map_or_else(|e| e.to_string(), |bytes| crc32fast::hash(&bytes).to_string());
+            (file.display().to_string(), sum)
+        });
+        let mut all = vec![("the problem file".to_owned(), self.text.clone()), (name.to_owned(), options)];
+        all.extend(files);
+        all
+    }
+
     /// The simulation at this value of the parameter.
     pub(super) fn plan(&self, parameter: Option<f64>) -> Result<Plan, OrbitError> {
-        let mut plan = match (&self.vary, parameter) {
-            (Some(vary), Some(value)) => self.scene.with_values(&vary.values(value))?.plan()?,
-            _ => self.scene.plan()?,
-        };
+        match (&self.vary, parameter) {
+            (Some(vary), Some(value)) => self.plan_with(&vary.values(value)),
+            _ => self.plan_with(&[]),
+        }
+    }
+
+    /// The simulation of a place of a grid, with its start.
+    pub(super) fn plan_in(&self, grid: &Grid, place: [f64; 2]) -> Result<Plan, OrbitError> {
+        let mut values = Vec::new();
+        if let Some(vary) = &self.vary {
+            let axis = (0..2).find(|k| grid.axes[*k].means == Means::Parameter);
+            values.extend(vary.values(axis.map_or(vary.from, |k| place[k])));
+        }
+        for (GridAxis { axis, means }, value) in grid.axes.iter().zip(place) {
+            if *means == Means::Key {
+                values.push((axis.name.clone(), value));
+            }
+        }
+        let names = [0, 1].map(|k| (grid.axes[k].axis.name.as_str(), place[k]));
+        values.extend(evaluated(&grid.set, &names));
+        let mut plan = self.plan_with(&values)?;
+        grid.move_start(place, &mut plan.q, &mut plan.qd);
+        Ok(plan)
+    }
+
+    fn plan_with(&self, values: &[(String, f64)]) -> Result<Plan, OrbitError> {
+        let mut plan = if values.is_empty() { self.scene.plan()? } else { self.scene.with_values(values)?.plan()? };
         plan.simulation.tolerance = self.tolerance;
         plan.simulation.stop.clone_from(&self.scene.simulation.stop);
         Ok(plan)
@@ -238,12 +350,49 @@ impl Vary {
         if self.set.is_empty() {
             return vec![(self.name.clone(), value)];
         }
-        let of = |formula: &FlatEx<f64>| {
-            let values = vec![value; formula.var_names().len()];
-            formula.eval(&values).unwrap_or(f64::NAN)
-        };
-        self.set.iter().map(|(key, formula)| (key.clone(), of(formula))).collect()
+        evaluated(&self.set, &[(&self.name, value)])
     }
+}
+
+impl Grid {
+    /// Whether all places have one simulation, and only the start differs.
+    pub fn is_of_starts(&self) -> bool {
+        self.set.is_empty() && self.axes.iter().all(|axis| matches!(axis.means, Means::State(_)))
+    }
+
+    /// Sets the numbers of a start that are those of a place.
+    pub fn move_start(&self, place: [f64; 2], q: &mut [f64], qd: &mut [f64]) {
+        for (axis, value) in self.axes.iter().zip(place) {
+            match axis.means {
+                Means::State(k) if k < q.len() => q[k] = value,
+                Means::State(k) => qd[k - q.len()] = value,
+                _ => {}
+            }
+        }
+    }
+}
+
+/// The numbers of the scene at values of the names.
+fn evaluated(set: &Formulas, names: &[(&str, f64)]) -> Vec<(String, f64)> {
+    let of = |formula: &FlatEx<f64>| {
+        let value = |name: &String| names.iter().find(|(own, _)| own == name).map_or(f64::NAN, |(_, value)| *value);
+        let values: Vec<f64> = formula.var_names().iter().map(value).collect();
+        formula.eval(&values).unwrap_or(f64::NAN)
+    };
+    set.iter().map(|(key, formula)| (key.clone(), of(formula))).collect()
+}
+
+/// Reads formulas of these names.
+fn formulas(set: &BTreeMap<String, String>, names: &[&str]) -> Result<Formulas, String> {
+    let read = set.iter().map(|(key, formula)| {
+        let refuse = |why: String| format!("set.\"{key}\" = \"{formula}\" {why}");
+        let parsed = FlatEx::<f64>::parse(formula).map_err(|e| refuse(format!("is no formula: {e}")))?;
+        match parsed.var_names().iter().find(|name| !names.contains(&name.as_str())) {
+            Some(name) => Err(refuse(format!("has the variable '{name}': there are {}", names.join(", ")))),
+            None => Ok((key.clone(), parsed)),
+        }
+    });
+    read.collect()
 }
 
 fn section(keys: &SectionKeys, plan: &Plan) -> Result<Section, String> {
@@ -311,13 +460,60 @@ fn vary(keys: &VaryKeys) -> Result<Vary, String> {
     if points < 2 {
         return Err(format!("points = {points}: it must be 2 or more"));
     }
-    let set = set.iter().map(|(key, formula)| {
-        let refuse = |why: String| format!("set.\"{key}\" = \"{formula}\" {why}");
-        let parsed = FlatEx::<f64>::parse(formula).map_err(|e| refuse(format!("is no formula: {e}")))?;
-        match parsed.var_names().iter().find(|name| *name != parameter) {
-            Some(name) => Err(refuse(format!("has the variable '{name}': the parameter is '{parameter}'"))),
-            None => Ok((key.clone(), parsed)),
+    let set = formulas(set, &[parameter])?;
+    Ok(Vary { name: parameter.clone(), from: *from, to: *to, points, set })
+}
+
+impl Problem {
+    fn grid(&self, keys: &BasinKeys) -> Result<Grid, String> {
+        let BasinKeys { x, y, set, cycles, periods, tolerance } = keys;
+        let axes = [self.axis("x", x, set)?, self.axis("y", y, set)?];
+        let names = [x.what.as_str(), y.what.as_str()];
+        if names[0] == names[1] {
+            return Err(format!("x.what and y.what are both \"{}\": give two", names[0]));
         }
-    });
-    Ok(Vary { name: parameter.clone(), from: *from, to: *to, points, set: set.collect::<Result<_, _>>()? })
+        let at_least_one = |key: &str, given: Option<usize>, usual: usize| match given.unwrap_or(usual) {
+            0 => Err(format!("{key} = 0: it must be 1 or more")),
+            count => Ok(count),
+        };
+        let tolerance = tolerance.unwrap_or(1e-3);
+        if !(tolerance > 0.0 && tolerance.is_finite()) {
+            return Err(format!("tolerance = {tolerance}: it must be positive and finite"));
+        }
+        let (cycles, periods) = (at_least_one("cycles", *cycles, 200)?, at_least_one("periods", *periods, 8)?);
+        Ok(Grid { axes, set: formulas(set, &names)?, cycles, periods, tolerance })
+    }
+
+    fn axis(&self, name: &str, keys: &AxisKeys, set: &BTreeMap<String, String>) -> Result<GridAxis, String> {
+        let AxisKeys { what, from, to, points } = keys;
+        let refuse = |why: String| format!("{name}.{why}");
+        let chain = &self.scene.simulation.chain;
+        // A variable in braces is one name, whatever its characters.
+        let of_state = LinearFunction::of(&format!("{{{what}}}"), chain).ok().and_then(|it| it.terms.first().copied());
+        let is_variable = |formula: &String| {
+            FlatEx::<f64>::parse(formula).is_ok_and(|it| it.var_names().iter().any(|variable| variable == what))
+        };
+        let is_parameter = self.vary.as_ref().is_some_and(|vary| vary.name == *what);
+        let (means, unit) = match of_state {
+            _ if set.values().any(is_variable) => (Means::Variable, ""),
+            Some(_) if is_parameter => {
+                return Err(refuse(format!(
+                    "what = \"{what}\": it is the parameter of [vary] and a variable of the state: rename the parameter"
+                )));
+            }
+            Some((index, _)) => (Means::State(index), self.state_columns().get(index).map_or("", |column| column.unit)),
+            None if is_parameter => (Means::Parameter, ""),
+            None if what.contains(['.', '[']) => (Means::Key, ""),
+            None => {
+                let refused = LinearFunction::of(&format!("{{{what}}}"), chain).err().unwrap_or_default();
+                let known = refused.split_once("': there are ").map_or("", |(_, known)| known);
+                return Err(refuse(format!(
+                    "what = \"{what}\": it is no variable of the state ({known}), not the parameter of [vary], no variable of \
+                     basin.set, and no path of a key of the scene, as contact.restitution"
+                )));
+            }
+        };
+        let axis = Axis::range(what.clone(), unit, [*from, *to], *points).map_err(refuse)?;
+        Ok(GridAxis { axis, means })
+    }
 }

@@ -19,7 +19,9 @@
 use super::problem::{Problem, Section};
 use super::{Happened, OrbitError, State};
 use carom_chain::Chain;
-use carom_sim::{Broken, Event, EventKind, Moment, Parameter, Plan, Sampling, Seen, Segment, Session, SimError};
+use carom_sim::{
+    Broken, Event, EventKind, Moment, Parameter, Plan, Sampling, Seen, Segment, Session, SimError, StopReason,
+};
 use nalgebra::{DMatrix, DVector};
 
 /// One passage from a state on the section to the next.
@@ -125,7 +127,7 @@ impl Problem {
             let touches = plan.simulation.touches.as_slice();
             let sampling = Sampling { dense: matches!(self.section, Section::Rising { .. }), ..Sampling::default() };
             let mut own = Vec::new();
-            session.stream_to_event(left, sampling, &mut |it| match it {
+            let stopped = session.stream_to_event(left, sampling, &mut |it| match it {
                 Seen::Event(event) => {
                     own.push(Happened { time: event.time - from, what: told(event, touches) });
                     ended |= ends(event) && event.time > from;
@@ -151,6 +153,10 @@ impl Problem {
             events.extend(own);
             if ended {
                 return self.end_of(&session, from, events, count);
+            }
+            if stopped == StopReason::Events {
+                let seen = format!("after {count} events, max_events of the scene, the run ended");
+                return Err(OrbitError::NoReturn { section: self.section.name(), longest, seen });
             }
         }
         if matches!(self.section, Section::After(_)) {
