@@ -8,7 +8,7 @@ use crate::record::{Record, Recorder};
 use crate::rows::RowOptions;
 use crate::simulate::Tables;
 use carom_sim::{Moment, Plan, Sampling, Seen};
-use carom_study::orbit::{Attractor, Branch, Orbit, OrbitError, Problem, Special};
+use carom_study::orbit::{Attractor, Branch, Orbit, OrbitError, Problem, SAMPLES, Special};
 use carom_study::{Diagram, state_columns};
 use clap::Args;
 use serde::Serialize;
@@ -119,9 +119,6 @@ struct Outcome<'a> {
     outcome: &'a str,
     cells: u64,
 }
-
-/// Times of a table or recording of one period.
-const SAMPLES: f64 = 200.0;
 
 impl OrbitCommand {
     pub fn run(mut self, out: &mut dyn Write) -> Result<(), CliError> {
@@ -256,7 +253,7 @@ impl OrbitCommand {
         let columns = state_columns(&plan.simulation.chain);
         let mut table = Tables::begin(tables.iter().copied(), &columns, &problem.scene.text)?;
         let mut recorder = Recorder::begin(&self.record, &problem.scene, plan)?;
-        let sampling = Sampling { every: Some(orbit.period / SAMPLES), ..Sampling::default() };
+        let sampling = Sampling { every: Some(orbit.period / SAMPLES as f64), ..Sampling::default() };
         let run = plan.stream(orbit.period, sampling, &mut |seen| {
             if let Seen::Moment(Moment { time, q, qd }) = &seen {
                 table.row(&[&[*time], q.as_slice(), qd].concat());
@@ -399,8 +396,7 @@ fn print_orbit(orbit: &Orbit, names: &[String], out: &mut dyn Write) -> io::Resu
     orbit.events.iter().try_for_each(|event| writeln!(out, "  {:>12.9} s  {}", event.time, event.what))?;
     writeln!(out)?;
     writeln!(out, "multipliers, of small disturbances in each period:")?;
-    let counts = orbit.multipliers.iter().take_while(|x| x.norm() > ZERO).count();
-    for x in &orbit.multipliers[..counts] {
+    for x in orbit.lasting() {
         let imaginary = if x.im == 0.0 {
             String::new()
         } else {
@@ -408,14 +404,11 @@ fn print_orbit(orbit: &Orbit, names: &[String], out: &mut dyn Write) -> io::Resu
         };
         writeln!(out, "  {:>12.9}{imaginary:18}  |.| {:.9}", x.re, x.norm())?;
     }
-    match orbit.multipliers.len() - counts {
+    match orbit.multipliers.len() - orbit.lasting().len() {
         0 => Ok(()),
         zeros => writeln!(out, "  and {zeros} of zero: directions that contacts and the section forbid"),
     }
 }
-
-/// Multipliers up to this are zero up to the error of derivatives.
-const ZERO: f64 = 1e-7;
 
 fn print_branch(branch: &Branch, out: &mut dyn Write) -> io::Result<()> {
     let name = &branch.parameter;

@@ -193,6 +193,9 @@ fn keys_of_answers_are_those_of_the_page() {
         .collect();
     let scene = std::fs::read_to_string(desk.join("scenes/planar2.toml")).unwrap();
     let scene = scene.replace("friction = 0.0", "friction = 0.1").replace("[run]", "[run]\nneglect = 0.5");
+    let ball = std::fs::read_to_string(desk.join("studies/atlas/ball.toml")).unwrap();
+    let ball = ball.replace("ball_scene.toml", "studies/atlas/ball_scene.toml").replace("points = 200", "points = 2");
+    std::fs::write(desk.join("small.toml"), ball).unwrap();
     std::fs::create_dir(desk.join("own")).unwrap();
     std::fs::write(desk.join("own/scene.toml"), scene).unwrap();
     let robot = "robots/planar2.urdf --tip tip --states - --json";
@@ -222,7 +225,8 @@ fn keys_of_answers_are_those_of_the_page() {
             "orbit",
             vec![
                 ("orbit studies/atlas/ball.toml --json".into(), ""),
-                ("orbit studies/atlas/ball.toml --branch --json".into(), ""),
+                ("orbit studies/atlas/ball.toml --branch --doubled 1 --json".into(), ""),
+                ("orbit small.toml --basin --out basin.csv --json".into(), ""),
                 ("orbit studies/atlas/ball.toml --cycles 2 --out cycles.csv --json".into(), ""),
             ],
         ),

@@ -7,7 +7,7 @@ use carom_study::aim::AimError;
 use carom_study::fit::FitError;
 use carom_study::map_study::StudyError;
 use carom_study::orbit::OrbitError;
-use carom_study::{TableError, TossError};
+use carom_study::{RowsError, TableError, TossError};
 use pyo3::PyErr;
 
 /// The exceptions, defined in `python/carom/_errors.py`.
@@ -71,6 +71,12 @@ impl Raise for StudyError {
             Self::Robot(error) => error.raise(at),
             _ => exceptions::StudyError::new_err(format!("{at}{self}")),
         }
+    }
+}
+
+impl Raise for RowsError {
+    fn raise(&self, at: &str) -> PyErr {
+        exceptions::StudyError::new_err(format!("{at}{self}"))
     }
 }
 

@@ -91,7 +91,7 @@ mod _carom {
     #[pymodule_export]
     use crate::linear_run::LinearRun;
     #[pymodule_export]
-    use crate::orbit::{cycles, orbit};
+    use crate::orbit::{basin, cycles, orbit};
     #[pymodule_export]
     use crate::outcome::{Outcome, law};
     #[pymodule_export]

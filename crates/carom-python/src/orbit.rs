@@ -1,14 +1,16 @@
-//! Periodic orbits: `carom.orbit`, `carom.cycles`.
+//! Periodic orbits: `carom.orbit`, `carom.cycles`, `carom.basin`.
 
 use crate::array::{Array, array};
 use crate::error::raise;
 use crate::text::toml_text;
-use crate::threads::left_behind;
-use carom_study::orbit::{OrbitError, Problem, State};
+use crate::threads::{left_behind, on_all_cores};
+use carom_study::orbit::{Branch, OrbitError, Problem, State};
+use carom_study::{RowFile, write_whole};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use pythonize::pythonize;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -45,23 +47,47 @@ impl Given {
 /// Args:
 ///     problem: path of a problem file, or its keys as a dict; the page "Find periodic orbits" of the manual lists them.
 ///     branch: follow the orbit over the parameter of ``vary``.
+///     doubled: with ``branch``: follow also the orbits of twice the period that begin at the first flip, so many times in turn.
 ///     folder: to which the file names in a dict are relative.
 ///
 /// Returns:
 ///     A dict with the JSON keys of ``carom orbit --help``: start (q and qd, on the section), period (s), events, multipliers (complex
 ///     numbers as pairs), stability, residual, iterations. With ``branch`` of parameter, points (a list of such dicts, each with its
-///     parameter), special (folds, flips, Neimark-Sacker points, changes of the events) and end (why the branch ends).
+///     parameter), passages (of the section in one period), special (folds, flips, Neimark-Sacker points, changes of the events), ended and
+///     end (why the branch ends, in a word and in a sentence), and with ``doubled`` doubled (a list of such dicts).
 ///
 /// Raises:
-///     StudyError: a problem that cannot be read; a motion that does not return to the section; no orbit near the start.
+///     StudyError: a problem that cannot be read; a motion that does not return to the section; no orbit near the start; a branch without
+///         a flip.
 ///     SimulationError: an invalid scene, or a run that fails.
 #[pyfunction]
-#[pyo3(signature = (problem, *, branch=false, folder=PathBuf::from(".")))]
-pub fn orbit<'py>(py: Python<'py>, problem: &Bound<'py, PyAny>, branch: bool, folder: PathBuf) -> PyResult<Array<'py>> {
+#[pyo3(signature = (problem, *, branch=false, doubled=0, folder=PathBuf::from(".")))]
+pub fn orbit<'py>(
+    py: Python<'py>,
+    problem: &Bound<'py, PyAny>,
+    branch: bool,
+    doubled: u8,
+    folder: PathBuf,
+) -> PyResult<Array<'py>> {
     let given = Given::of(problem, folder)?;
     if branch {
-        let found = left_behind(py, move |stop| given.read(stop)?.branch())?;
-        return Ok(pythonize(py, &found.map_err(raise)?)?);
+        let found = left_behind(py, move |stop| -> Result<(Branch, Vec<Branch>), OrbitError> {
+            let mut problem = given.read(stop)?;
+            let branch = problem.branch()?;
+            let mut all: Vec<Branch> = Vec::new();
+            for _ in 0..doubled {
+                let (next, own) = problem.doubled(all.last().unwrap_or(&branch))?;
+                problem = next;
+                all.push(own);
+            }
+            Ok((branch, all))
+        })?;
+        let (branch, all) = found.map_err(raise)?;
+        let found = pythonize(py, &branch)?;
+        if doubled > 0 {
+            found.set_item("doubled", pythonize(py, &all)?)?;
+        }
+        return Ok(found);
     }
     let found = left_behind(py, move |stop| given.read(stop)?.find())?;
     Ok(pythonize(py, &found.map_err(raise)?)?)
@@ -108,4 +134,49 @@ pub fn cycles<'py>(
         array(py, found.iter().flat_map(of).copied().collect(), &[found.len(), width])
     };
     Ok(dict! { py, "q": rows(|it| &it.q)?, "qd": rows(|it| &it.qd)? })
+}
+
+/// Tells the attractor of each start of the grid of ``basin``, into a file, in constant memory and on all cores. Ctrl-C or a full disk leaves a
+/// partial file, from which resume=True continues.
+///
+/// Args:
+///     problem: as for ``carom.orbit``.
+///     out: the table, X.csv or X.parquet: a row for each start.
+///     resume: continue from the partial file of an interrupted run, if there is one.
+///     svg: a file for a picture, or None.
+///     folder: to which the file names in a dict are relative.
+///
+/// Returns:
+///     A dict of rows, computed (rows that this run has computed), outcomes (a dict of words and numbers of cells) and attractors, a list of
+///     dicts of period (cycles), state (q and qd, rounded) and cells.
+///
+/// Raises:
+///     StudyError: as ``carom.orbit``; a file that cannot be written; a partial file that cannot be continued.
+///     SimulationError: as ``carom.orbit``.
+#[pyfunction]
+#[pyo3(signature = (problem, out, *, resume=false, svg=None, folder=PathBuf::from(".")))]
+pub fn basin<'py>(
+    py: Python<'py>,
+    problem: &Bound<'py, PyAny>,
+    out: PathBuf,
+    resume: bool,
+    svg: Option<PathBuf>,
+    folder: PathBuf,
+) -> PyResult<Bound<'py, PyDict>> {
+    let given = Given::of(problem, folder)?;
+    let problem = py.detach(|| given.read(&Arc::new(AtomicBool::new(false)))).map_err(raise)?;
+    let basin = problem.basin().map_err(raise)?;
+    let file = RowFile { path: out, rows: 0..basin.rows(), resume };
+    on_all_cores(py, |stop| basin.write(&file, &|_| {}, stop))?.map_err(raise)?;
+    if let Some(path) = svg {
+        let text = on_all_cores(py, |stop| basin.picture(&|_| {}, stop))?.map_err(raise)?.unwrap_or_default();
+        write_whole(&path, text.as_bytes())?;
+    }
+    let outcomes = basin.outcomes();
+    Ok(dict! { py,
+        "rows": basin.rows(),
+        "computed": outcomes.iter().map(|(_, cells)| cells).sum::<u64>(),
+        "outcomes": outcomes.into_iter().collect::<BTreeMap<_, _>>(),
+        "attractors": pythonize(py, &basin.attractors())?,
+    })
 }

@@ -438,6 +438,20 @@ fn a_branch_that_reaches_a_ceiling_ends_by_grazing_at_the_closed_form() {
     assert!(branch.points.iter().all(|point| point.orbit.events.len() == 1));
 }
 
+/// A branch that ends at its first orbit is drawn as a dot.
+#[test]
+fn a_branch_of_one_orbit_has_a_picture() {
+    let problem = shaken(0.5, 1.2, 1.25, 1).unwrap();
+    let mut branch = problem.branch().unwrap();
+    branch.points.truncate(1);
+    let columns = problem.branch_columns();
+    let diagram = branch.diagram(&[], &columns, "multiplier.size").unwrap();
+    assert_eq!(diagram.marks[0].at, [1.2, branch.points[0].orbit.multipliers[0].norm()]);
+    assert!(diagram.window.iter().zip(diagram.marks[0].at).all(|([low, high], x)| *low < x && x < *high));
+    assert!(diagram.svg().unwrap().contains("<circle"));
+    assert!(branch.diagram(&[], &columns, "speed").is_none() && branch.diagram(&[], &columns, "stability").is_none());
+}
+
 /// The bytes of rows that are written with so many threads.
 fn written(
     write: impl Fn(&RowFile, &AtomicBool) -> Written + Sync,

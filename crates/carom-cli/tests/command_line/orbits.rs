@@ -36,17 +36,67 @@ fn an_orbit_its_branch_and_its_cycles_are_written_as_tables() {
 }
 
 #[test]
+fn multipliers_phase_portraits_and_cycles_are_drawn() {
+    let desk = desk();
+    let svg = |name: &str| std::fs::read_to_string(desk.0.join(name)).unwrap();
+    let ball = "studies/atlas/ball.toml";
+    desk.one(&format!("orbit {ball} --branch --out m.svg --show multipliers --json"));
+    assert!(svg("m.svg").contains("unit circle"));
+    desk.one(&format!("orbit {ball} --out phase.svg --json"));
+    assert!(svg("phase.svg").contains("qd.z, m/s") && svg("phase.svg").contains("impact"));
+    desk.one(&format!("orbit {ball} --cycles 3 --values 4 --out c.svg --json"));
+    assert!(svg("c.svg").contains("Cycles over acceleration"));
+}
+
+#[test]
+fn basins_and_parts_of_cycles_are_tables_of_their_rows() {
+    let desk = desk();
+    let text = std::fs::read_to_string(desk.0.join("studies/atlas/ball.toml")).unwrap();
+    let text = text.replace("ball_scene.toml", "studies/atlas/ball_scene.toml").replace("points = 200", "points = 3");
+    std::fs::write(desk.0.join("small.toml"), text).unwrap();
+    let read = |name: &str| std::fs::read_to_string(desk.0.join(name)).unwrap();
+    let basin = desk.one("orbit small.toml --basin --out b.csv --out b.svg --json");
+    assert_eq!((basin["rows"].as_u64(), basin["computed"].as_u64()), (Some(9), Some(9)));
+    assert!(read("b.csv").starts_with("qd z,z,outcome,cycles,period,q.z,qd.z\n-1,0.01,settled,"), "{}", read("b.csv"));
+    assert_eq!(read("b.csv").lines().count(), 10);
+    assert!(read("b.svg").contains("Basins of attraction"));
+    desk.one("orbit small.toml --cycles 2 --skip 1 --values 3 --out all.csv --json");
+    let part =
+        desk.one("orbit small.toml --cycles 2 --skip 1 --values 3 --out part.csv --shard 2/3 --threads 1 --json");
+    assert_eq!((part["values"].as_u64(), part["rows"].as_u64()), (Some(1), Some(2)));
+    let (all, part) = (read("all.csv"), read("part.csv"));
+    assert_eq!(all.lines().skip(3).take(2).collect::<Vec<_>>(), part.lines().skip(1).collect::<Vec<_>>());
+    let doubled = desk.one("orbit studies/atlas/ball.toml --branch --doubled 1 --out d.csv --json");
+    assert_eq!((doubled["passages"].as_u64(), doubled["doubled"][0]["passages"].as_u64()), (Some(1), Some(2)));
+    let points =
+        doubled["points"].as_array().unwrap().len() + doubled["doubled"][0]["points"].as_array().unwrap().len();
+    assert_eq!(read("d.csv").lines().count(), 1 + points);
+}
+
+#[test]
 fn what_cannot_be_done_names_file_option_and_rule() {
     let desk = desk();
     for (args, told) in [
         ("orbit studies/atlas/none.toml", "studies/atlas/none.toml: cannot be read"),
         ("orbit studies/atlas/hammer2.toml --branch", "[vary] is missing: give it parameter, from and to"),
-        ("orbit studies/atlas/hammer2.toml --cycles 2 --values 3 --out c.csv", "--values: the problem has no [vary]"),
+        ("orbit studies/atlas/hammer2.toml --cycles 2 --values 3 --out c.csv", "[vary] is missing, and several values"),
+        ("orbit studies/atlas/hammer2.toml --basin --out c.csv", "[basin] is missing: give it x and y"),
+        ("orbit studies/atlas/hammer2.toml --branch --doubled 1", "[vary] is missing: give it parameter, from and to"),
+        ("orbit studies/atlas/rattle.toml --branch --doubled 1", "the branch has no flip"),
+        ("orbit studies/atlas/ball.toml --cycles 2 --out -", "--out -: the table can be resumed from its file"),
+        ("orbit studies/atlas/ball.toml --out o.csv --threads 1", "--threads is for the rows of --cycles and --basin"),
+        ("orbit studies/atlas/ball.toml --out o.csv --show q.z", "--show: no picture is written"),
+        ("orbit studies/atlas/ball.toml --out o.svg --show q.z", "the picture of one orbit has two columns"),
+        ("orbit studies/atlas/ball.toml --out o.svg --show q.z,speed", "no column 'speed': there are time, q.z, qd.z"),
+        (
+            "orbit studies/atlas/ball.toml --cycles 2 --values 2 --out o.svg --show speed",
+            "no column 'speed': there are q.z, qd.z",
+        ),
         (
             "orbit studies/atlas/ball.toml --branch --out b.svg --show speed",
             "--show speed: the columns of the branch are acceleration",
         ),
-        ("orbit studies/atlas/ball.toml --out o.svg", "the ending of the name says what is written"),
+        ("orbit studies/atlas/ball.toml --out o.txt", "the ending of the name says what is written"),
     ] {
         let ran = desk.run(args);
         assert!(ran.code == Some(1) && ran.err.contains(told), "{args}: {ran:?}");

@@ -1689,22 +1689,25 @@ def aim(
     """Chooses numbers of a scene such that its motion meets conditions, at least cost.
     """
 def orbit(
-    problem: _Path | Mapping[str, Any], *, branch: bool = False, folder: _Path = "."
+    problem: _Path | Mapping[str, Any], *, branch: bool = False, doubled: int = 0, folder: _Path = "."
 ) -> dict[str, Any]:
     """Finds a periodic orbit of a scene, and follows it over a parameter.
 
     Args:
         problem: path of a problem file, or its keys as a dict; the page "Find periodic orbits" of the manual lists them.
         branch: follow the orbit over the parameter of ``vary``.
+        doubled: with ``branch``: follow also the orbits of twice the period that begin at the first flip, so many times in turn.
         folder: to which the file names in a dict are relative.
 
     Returns:
         A dict with the JSON keys of ``carom orbit --help``: start (q and qd, on the section), period (s), events, multipliers (complex
         numbers as pairs), stability, residual, iterations. With ``branch`` of parameter, points (a list of such dicts, each with its
-        parameter), special (folds, flips, Neimark-Sacker points, changes of the events) and end (why the branch ends).
+        parameter), passages (of the section in one period), special (folds, flips, Neimark-Sacker points, changes of the events), ended and
+        end (why the branch ends, in a word and in a sentence), and with ``doubled`` doubled (a list of such dicts).
 
     Raises:
-        StudyError: a problem that cannot be read; a motion that does not return to the section; no orbit near the start.
+        StudyError: a problem that cannot be read; a motion that does not return to the section; no orbit near the start; a branch without
+            a flip.
         SimulationError: an invalid scene, or a run that fails.
     """
 def cycles(
@@ -1731,6 +1734,32 @@ def cycles(
 
     Raises:
         StudyError: as ``carom.orbit``.
+        SimulationError: as ``carom.orbit``.
+    """
+def basin(
+    problem: _Path | Mapping[str, Any],
+    out: _Path,
+    *,
+    resume: bool = False,
+    svg: _Path | None = None,
+    folder: _Path = ".",
+) -> dict[str, Any]:
+    """Tells the attractor of each start of the grid of ``basin``, into a file, in constant memory and on all cores. Ctrl-C or a full disk leaves a
+    partial file, from which resume=True continues.
+
+    Args:
+        problem: as for ``carom.orbit``.
+        out: the table, X.csv or X.parquet: a row for each start.
+        resume: continue from the partial file of an interrupted run, if there is one.
+        svg: a file for a picture, or None.
+        folder: to which the file names in a dict are relative.
+
+    Returns:
+        A dict of rows, computed (rows that this run has computed), outcomes (a dict of words and numbers of cells) and attractors, a list of
+        dicts of period (cycles), state (q and qd, rounded) and cells.
+
+    Raises:
+        StudyError: as ``carom.orbit``; a file that cannot be written; a partial file that cannot be continued.
         SimulationError: as ``carom.orbit``.
     """
 def tosses(

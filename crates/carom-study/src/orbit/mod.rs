@@ -25,6 +25,7 @@ mod table;
 pub use basin::{Attractor, Basin};
 pub use branch::{Branch, Point, Special};
 pub use cycles::Cycles;
+pub use pictures::SAMPLES;
 pub use problem::Problem;
 pub use return_map::Cycle;
 
@@ -72,6 +73,13 @@ pub struct Orbit {
     /// ∂P/∂x: rows and columns are a displacement of q and a change of qd, as in [`Sensitivity`](carom_sim::Sensitivity).
     #[serde(skip)]
     pub map: DMatrix<f64>,
+}
+
+impl Orbit {
+    /// The multipliers that are not zero up to 1e-7, the error of derivatives.
+    pub fn lasting(&self) -> &[Complex<f64>] {
+        &self.multipliers[..self.multipliers.iter().take_while(|x| x.norm() > 1e-7).count()]
+    }
 }
 
 /// Stability of an orbit.

@@ -8,15 +8,10 @@ use carom_sim::{Sampling, Seen};
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
-/// Number of steps of a line that shows a motion or a circle.
-const STEPS: usize = 400;
-/// Multipliers up to this are zero up to the error of derivatives.
-const ZERO: f64 = 1e-7;
+/// Number of samples of the motion of one period in tables and pictures.
+pub const SAMPLES: usize = 200;
 /// Number of places, from bottom to top, in which states of cycles are told apart in a picture: about one pixel each.
 const PLACES: f64 = 500.0;
-/// Below this number of values of the parameter the dots of cycles are three pixels wide.
-const WIDE: usize = 150;
-
 /// The names of the columns of numbers.
 pub(super) fn numbers_of(columns: &[Column]) -> String {
     let names: Vec<&str> = columns.iter().filter(|it| it.words.is_empty()).map(|it| it.name.as_str()).collect();
@@ -104,16 +99,15 @@ impl Branch {
     /// Draws the multipliers of the branch, those of zero left out, and the unit circle: inside of it disturbances decay. The largest ones at
     /// the ends of the branch are marked.
     pub fn multipliers(&self) -> Diagram<2> {
-        let circle = (0..=STEPS).map(|k| TAU * k as f64 / STEPS as f64).map(|angle| [angle.cos(), angle.sin()]);
+        let circle = (0..=SAMPLES).map(|k| TAU * k as f64 / SAMPLES as f64).map(|angle| [angle.cos(), angle.sin()]);
         let mut shapes = vec![Shape {
             name: "unit circle".into(),
             colour: GREY,
             stroke: Stroke::Thin,
             pieces: vec![circle.collect()],
         }];
-        let of = |point: &super::Point| -> Vec<[f64; 2]> {
-            point.orbit.multipliers.iter().filter(|x| x.norm() > ZERO).map(|x| [x.re, x.im]).collect()
-        };
+        let of =
+            |point: &super::Point| -> Vec<[f64; 2]> { point.orbit.lasting().iter().map(|x| [x.re, x.im]).collect() };
         let all: Vec<[f64; 2]> = self.points.iter().flat_map(of).chain([[1.0, 1.0], [-1.0, -1.0]]).collect();
         let window = [0, 1].map(|k| range(all.iter().map(|at| at[k])));
         // A dot is a short line.
@@ -180,7 +174,7 @@ impl Problem {
         };
         let plan = self.plan_of(orbit)?;
         let (mut motion, mut jumps): (Vec<Vec<[f64; 2]>>, Vec<Vec<[f64; 2]>>) = (vec![Vec::new()], Vec::new());
-        let sampling = Sampling { every: Some(orbit.period / STEPS as f64), ..Sampling::default() };
+        let sampling = Sampling { every: Some(orbit.period / SAMPLES as f64), ..Sampling::default() };
         plan.stream(orbit.period, sampling, &mut |seen| match seen {
             Seen::Moment(moment) => {
                 let piece = motion.last_mut();
@@ -236,15 +230,13 @@ impl Cycles<'_> {
             [from, to].map(|place| [x, window[1][0] + place as f64 * height]).to_vec()
         };
         let pieces: Vec<Vec<[f64; 2]>> = pieces.into_iter().map(line).collect();
-        let values: BTreeSet<u64> = points.iter().map(|at| at[0].to_bits()).collect();
-        let stroke = if values.len() < WIDE { Stroke::Thick } else { Stroke::Thin };
         let name = self.parameter_name().to_owned();
         Diagram {
             title: format!("Cycles over {name}"),
             axes: [name, label(column)],
             window,
             equal_scales: false,
-            shapes: vec![Shape { name: "states".into(), colour: BLUE, stroke, pieces }],
+            shapes: vec![Shape { name: "states".into(), colour: BLUE, stroke: Stroke::Thick, pieces }],
             marks: Vec::new(),
         }
     }
