@@ -629,6 +629,33 @@ set = {{ "robot.qd[0]" = "rate*{}", "robot.qd[1]" = "rate*{}", "robot.qd[2]" = "
     assert!(svg.contains("A: period 1") && svg.contains("Basins of attraction"));
 }
 
+/// Closed form of the flip. Just below it the multiplier is near −1, and the motion approaches the orbit slowly and from both sides in turn:
+/// its attractor has the period 1. Just above it has the period 2.
+#[test]
+fn attractors_below_and_above_a_flip_have_the_periods_one_and_two() {
+    let (e, fold) = (0.5_f64, PI / 3.0);
+    let flip = (2.0 * (1.0 + e * e) / (1.0 + e).powi(2)).hypot(fold);
+    for (share, period) in [(0.99, 1), (1.01, 2)] {
+        let case = shaken(e, share * flip, 2.0 * flip, 1).unwrap();
+        let orbit = case.find().unwrap();
+        assert!((orbit.multipliers[0].re + 1.0).abs() < 0.1, "{:?}", orbit.multipliers);
+        let (z, v) = (orbit.start.q[0], orbit.start.qd[0]);
+        let keys = format!(
+            "scene = \"scene.toml\"\nsection.period = 0.1\n[basin]\ncycles = 1000\nx = {{ what = \"z\", from = {z}, to = {}, points = 3 }}\n\
+             y = {{ what = \"qd z\", from = {v}, to = {}, points = 2 }}",
+            z + 1e-3,
+            v + 0.02
+        );
+        let problem = Problem::from_toml(&keys, &case.1.0).unwrap();
+        let basin = problem.basin().unwrap();
+        basin.picture(&|_| (), &AtomicBool::new(false)).unwrap();
+        let disturbed: Vec<(usize, u64)> = basin.attractors().iter().map(|it| (it.period, it.cells)).collect();
+        // Of the six starts one is the orbit itself, also where it is unstable.
+        let expected = if period == 1 { vec![(1, 6)] } else { vec![(2, 5), (1, 1)] };
+        assert_eq!(disturbed, expected, "at {share} of the flip");
+    }
+}
+
 /// What is wrong is told with the key, the value and what there is.
 #[test]
 fn wrong_problems_are_refused_with_key_value_and_rule() {

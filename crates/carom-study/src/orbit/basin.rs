@@ -153,19 +153,34 @@ impl Basin<'_> {
         words.zip(counts).filter(|(_, count)| *count > 0).collect()
     }
 
-    /// The attractors of the cells that were computed, by decreasing number of cells; of more than 1000 the first that were found.
+    /// The attractors of the cells that were computed, by decreasing number of cells; of more than 1000 the first that were found. Rows whose
+    /// rounded numbers differ by one unit count for one attractor.
     pub fn attractors(&self) -> Vec<Attractor> {
         self.ordered().into_iter().map(|(_, attractor)| attractor).collect()
     }
 
-    /// The attractors with their numbers.
-    fn ordered(&self) -> Vec<(u32, Attractor)> {
+    /// The attractors, each with its numbers of cells: those of one period whose rounded numbers differ by one unit are one attractor.
+    fn ordered(&self) -> Vec<(Vec<u32>, Attractor)> {
         let found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
         let mut all: Vec<(&(usize, Vec<i64>), u32)> =
             found.numbers.iter().map(|(key, number)| (key, *number)).collect();
         let of = |number: u32| &found.attractors[number as usize];
         all.sort_by(|a, b| of(b.1).cells.cmp(&of(a.1).cells).then(a.0.cmp(b.0)));
-        all.into_iter().map(|(_, number)| (number, of(number).clone())).collect()
+        let mut ordered: Vec<(&(usize, Vec<i64>), Vec<u32>, Attractor)> = Vec::new();
+        for (key, number) in all {
+            let alike = |other: &(usize, Vec<i64>)| {
+                other.0 == key.0 && other.1.iter().zip(&key.1).all(|(a, b)| (a - b).abs() <= 1)
+            };
+            match ordered.iter_mut().find(|(other, ..)| alike(other)) {
+                Some((_, numbers, attractor)) => {
+                    numbers.push(number);
+                    attractor.cells += of(number).cells;
+                }
+                None => ordered.push((key, vec![number], of(number).clone())),
+            }
+        }
+        ordered.sort_by(|a, b| b.2.cells.cmp(&a.2.cells).then(a.0.cmp(b.0)));
+        ordered.into_iter().map(|(_, numbers, attractor)| (numbers, attractor)).collect()
     }
 
     /// A picture of the basin as SVG: a colour for each attractor and each other outcome. Cells that have not been computed are computed;
@@ -202,8 +217,8 @@ impl Basin<'_> {
         let named = if ordered.len() <= room { ordered.len() } else { room - 1 };
         let mut places: HashMap<u32, usize> = HashMap::new();
         let mut words = Vec::new();
-        for (k, (number, attractor)) in ordered.iter().take(named).enumerate() {
-            places.insert(FIRST + number, k);
+        for (k, (numbers, attractor)) in ordered.iter().take(named).enumerate() {
+            places.extend(numbers.iter().map(|number| (FIRST + number, k)));
             words.push(format!("{}: period {}", letter(k), attractor.period));
         }
         let others = words.len();
