@@ -31,6 +31,22 @@ def test_a_branch_names_its_flip_and_its_end():
     assert branch["points"][0]["parameter"] == 1.2 and "the end of the range" in branch["end"]
 
 
+def test_the_doubled_branch_begins_at_the_flip():
+    branch = carom.orbit(BALL, branch=True, doubled=1)
+    (doubled,) = branch["doubled"]
+    assert (branch["ended"], branch["passages"], doubled["passages"]) == ("range", 1, 2)
+    assert doubled["points"][0]["parameter"] == pytest.approx(branch["special"][0]["parameter"], abs=1e-9)
+
+
+def test_a_basin_counts_its_cells(tmp_path):
+    axes = {"x": {"what": "qd z", "from": -1, "to": 2, "points": 3}, "y": {"what": "z", "from": 0.01, "to": 0.5, "points": 2}}
+    keys = {"scene": "ball_scene.toml", "section": {"period": 0.1}, "basin": axes}
+    found = carom.basin(keys, tmp_path / "basin.csv", svg=tmp_path / "basin.svg", folder=BALL.parent)
+    assert (found["rows"], found["computed"], sum(found["outcomes"].values())) == (6, 6, 6)
+    assert sum(it["cells"] for it in found["attractors"]) == found["outcomes"].get("settled", 0)
+    assert len((tmp_path / "basin.csv").read_text().splitlines()) == 7 and (tmp_path / "basin.svg").exists()
+
+
 def test_problems_are_dicts_too_and_wrong_ones_are_refused():
     keys = {"scene": "ball_scene.toml", "section": {"period": 0.1}, "with": {"contact.restitution": 0.6}}
     found = carom.orbit(keys, folder=BALL.parent)

@@ -48,9 +48,12 @@ pub struct Basin<'p> {
 /// The first number of a cell that is that of an attractor.
 const FIRST: u32 = 100;
 
+/// Period, cycles, and rounded state of an attractor.
+type Key = (usize, Vec<i64>);
+
 #[derive(Default)]
 struct Found {
-    numbers: HashMap<(usize, Vec<i64>), u32>,
+    numbers: HashMap<Key, u32>,
     attractors: Vec<Attractor>,
 }
 
@@ -70,7 +73,7 @@ struct End {
     /// Number of cycles that were run.
     cycles: usize,
     /// The period and the rounded state of the attractor, or the word of the outcome.
-    attractor: Result<(usize, Vec<i64>), f64>,
+    attractor: Result<Key, f64>,
 }
 
 impl Problem {
@@ -162,15 +165,12 @@ impl Basin<'_> {
     /// The attractors, each with its numbers of cells: those of one period whose rounded numbers differ by one unit are one attractor.
     fn ordered(&self) -> Vec<(Vec<u32>, Attractor)> {
         let found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut all: Vec<(&(usize, Vec<i64>), u32)> =
-            found.numbers.iter().map(|(key, number)| (key, *number)).collect();
+        let mut all: Vec<(&Key, u32)> = found.numbers.iter().map(|(key, number)| (key, *number)).collect();
         let of = |number: u32| &found.attractors[number as usize];
         all.sort_by(|a, b| of(b.1).cells.cmp(&of(a.1).cells).then(a.0.cmp(b.0)));
-        let mut ordered: Vec<(&(usize, Vec<i64>), Vec<u32>, Attractor)> = Vec::new();
+        let mut ordered: Vec<(&Key, Vec<u32>, Attractor)> = Vec::new();
         for (key, number) in all {
-            let alike = |other: &(usize, Vec<i64>)| {
-                other.0 == key.0 && other.1.iter().zip(&key.1).all(|(a, b)| (a - b).abs() <= 1)
-            };
+            let alike = |other: &Key| other.0 == key.0 && other.1.iter().zip(&key.1).all(|(a, b)| (a - b).abs() <= 1);
             match ordered.iter_mut().find(|(other, ..)| alike(other)) {
                 Some((_, numbers, attractor)) => {
                     numbers.push(number);
@@ -270,7 +270,7 @@ impl Basin<'_> {
     }
 
     /// Counts a cell of an attractor; returns its number of a cell.
-    fn noted(&self, key: &(usize, Vec<i64>)) -> u32 {
+    fn noted(&self, key: &Key) -> u32 {
         let mut found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
         let Found { numbers, attractors } = &mut *found;
         let number = match numbers.get(key) {

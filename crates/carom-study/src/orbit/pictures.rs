@@ -173,7 +173,7 @@ impl Problem {
             at.map(|k| row[k])
         };
         let plan = self.plan_of(orbit)?;
-        let (mut motion, mut jumps): (Vec<Vec<[f64; 2]>>, Vec<Vec<[f64; 2]>>) = (vec![Vec::new()], Vec::new());
+        let (mut motion, mut jumps) = (vec![Vec::new()], Vec::<Vec<[f64; 2]>>::new());
         let sampling = Sampling { every: Some(orbit.period / SAMPLES as f64), ..Sampling::default() };
         plan.stream(orbit.period, sampling, &mut |seen| match seen {
             Seen::Moment(moment) => {
