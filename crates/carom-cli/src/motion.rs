@@ -4,11 +4,9 @@ use crate::error::CliError;
 use crate::record::{Record, Recorder};
 use crate::simulate::Tables;
 use carom_sim::{Moment, Plan, Sampling, Scene, Seen};
+use carom_study::orbit::SAMPLES;
 use carom_study::state_columns;
 use std::path::Path;
-
-/// Times of a table or recording.
-const SAMPLES: f64 = 200.0;
 
 /// Writes the motion of a plan. `file`: the problem, for messages.
 pub fn write_motion(
@@ -23,7 +21,7 @@ pub fn write_motion(
     let columns = state_columns(&plan.simulation.chain);
     let mut table = Tables::begin(tables.iter().copied(), &columns, &scene.text)?;
     let mut recorder = Recorder::begin(record, scene, plan)?;
-    let sampling = Sampling { every: Some(duration / SAMPLES), ..Sampling::default() };
+    let sampling = Sampling { every: Some(duration / SAMPLES as f64), ..Sampling::default() };
     let run = plan.stream(duration, sampling, &mut |seen| {
         if let Seen::Moment(Moment { time, q, qd }) = &seen {
             table.row(&[&[*time], q.as_slice(), qd].concat());

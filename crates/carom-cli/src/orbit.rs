@@ -2,14 +2,14 @@
 
 use crate::error::CliError;
 use crate::files::{self, Kind, Outputs};
+use crate::motion::write_motion;
 use crate::output::{Printed, answer, brief, progress, say, write_whole};
 use crate::plan::moving_joints;
-use crate::record::{Record, Recorder};
+use crate::record::Record;
 use crate::rows::RowOptions;
 use crate::simulate::Tables;
-use carom_sim::{Moment, Plan, Sampling, Seen};
-use carom_study::orbit::{Attractor, Branch, Orbit, OrbitError, Problem, SAMPLES, Special};
-use carom_study::{Diagram, state_columns};
+use carom_study::Diagram;
+use carom_study::orbit::{Attractor, Branch, Orbit, OrbitError, Problem, Special};
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -173,7 +173,7 @@ impl OrbitCommand {
         }
         let orbit = problem.find().map_err(|e| self.refuse(e))?;
         let plan = problem.plan_of(&orbit).map_err(|e| self.refuse(e))?;
-        self.write_period(&problem, &orbit, &plan, &tables)?;
+        write_motion((&self.problem, &problem.scene), (&plan, orbit.period), &tables, &self.record)?;
         if let Some(path) = picture {
             self.draw_period(&problem, &orbit, path)?;
         }
@@ -242,29 +242,6 @@ impl OrbitCommand {
             other => self.refuse(other),
         })?;
         draw(&diagram, path)
-    }
-
-    /// The motion of one period, as tables and as a recording.
-    fn write_period(&self, problem: &Problem, orbit: &Orbit, plan: &Plan, tables: &[&Path]) -> Result<(), CliError> {
-        if tables.is_empty() && !self.record.is_asked() {
-            return Ok(());
-        }
-        let refuse = |e| CliError::scene(&self.problem, e);
-        let columns = state_columns(&plan.simulation.chain);
-        let mut table = Tables::begin(tables.iter().copied(), &columns, &problem.scene.text)?;
-        let mut recorder = Recorder::begin(&self.record, &problem.scene, plan)?;
-        let sampling = Sampling { every: Some(orbit.period / SAMPLES as f64), ..Sampling::default() };
-        let run = plan.stream(orbit.period, sampling, &mut |seen| {
-            if let Seen::Moment(Moment { time, q, qd }) = &seen {
-                table.row(&[&[*time], q.as_slice(), qd].concat());
-            }
-            if let Some(recorder) = &mut recorder {
-                recorder.see(seen);
-            }
-        });
-        let run = run.map_err(refuse)?;
-        table.finish()?;
-        recorder.map_or(Ok(()), |recorder| recorder.finish(&run))
     }
 
     /// The table of cycles.

@@ -15,6 +15,7 @@ mod function;
 mod problem;
 mod search;
 
+pub use crate::orbit::Happened;
 pub use problem::Problem;
 
 use carom_sim::SimError;
@@ -64,15 +65,6 @@ pub struct Met {
     pub value: f64,
     /// How far it is from what is asked.
     pub miss: f64,
-}
-
-/// An event of a motion.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Happened {
-    /// Time since the start, s.
-    pub time: f64,
-    /// Kind and contacts: `impact foot on floor`.
-    pub what: String,
 }
 
 /// A step of the search.

@@ -3,7 +3,7 @@
 use super::{Orbit, OrbitError, State};
 use crate::map_study::Axis;
 use carom_chain::{Chain, input};
-use carom_sim::{LinearFunction, Parameter, Plan, Scene, Simulation};
+use carom_sim::{LinearFunction, Parameter, Plan, Scene, Simulation, Touch};
 use exmex::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -404,18 +404,7 @@ fn section(keys: &SectionKeys, plan: &Plan) -> Result<Section, String> {
         );
     }
     if let Some(name) = contact {
-        let touches = &plan.simulation.touches;
-        let meant = |touch: &carom_sim::Touch| {
-            touch.name == *name || touch.link() == Some(name) || touch.limit_of() == Some(name)
-        };
-        let found: Vec<usize> = (0..touches.len()).filter(|k| meant(&touches[*k])).collect();
-        if found.is_empty() {
-            let known: Vec<&str> = touches.iter().map(|touch| touch.name.as_str()).collect();
-            return Err(format!(
-                "contact = \"{name}\" is no contact, link or joint with limits: the contacts are {}",
-                known.join(", ")
-            ));
-        }
+        let found = Touch::named(&plan.simulation.touches, name)?;
         return Ok(Section::Contact { name: name.clone(), touches: found });
     }
     if let Some(period) = period {

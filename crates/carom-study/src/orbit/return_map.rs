@@ -19,9 +19,7 @@
 use super::problem::{Problem, Section};
 use super::{Happened, OrbitError, State};
 use carom_chain::Chain;
-use carom_sim::{
-    Broken, Event, EventKind, Moment, Parameter, Plan, Sampling, Seen, Segment, Session, SimError, StopReason,
-};
+use carom_sim::{Broken, Event, Moment, Parameter, Plan, Sampling, Seen, Segment, Session, SimError, StopReason};
 use nalgebra::{DMatrix, DVector};
 
 /// One passage from a state on the section to the next.
@@ -111,7 +109,7 @@ impl Problem {
         let (mut events, mut count) = (Vec::new(), 0);
         let mut seen = Crossing::new(&self.section);
         let ends = |event: &Event| match &self.section {
-            Section::Contact { touches, .. } => of_impact(event).iter().any(|touch| touches.contains(touch)),
+            Section::Contact { touches, .. } => event.kind.struck().iter().any(|touch| touches.contains(touch)),
             _ => false,
         };
         loop {
@@ -129,7 +127,7 @@ impl Problem {
             let mut own = Vec::new();
             let stopped = session.stream_to_event(left, sampling, &mut |it| match it {
                 Seen::Event(event) => {
-                    own.push(Happened { time: event.time - from, what: told(event, touches) });
+                    own.push(Happened { time: event.time - from, what: event.named(touches).told() });
                     ended |= ends(event) && event.time > from;
                 }
                 Seen::Segment(segment) => seen.look(segment),
@@ -260,23 +258,6 @@ impl Section {
             Self::After(period) => format!("period {period}"),
         }
     }
-}
-
-/// The touches of an impact.
-fn of_impact(event: &Event) -> &[usize] {
-    match &event.kind {
-        EventKind::Impact { touch, .. } | EventKind::Limit { touch, .. } | EventKind::Latch { touch } => {
-            std::slice::from_ref(touch)
-        }
-        EventKind::Several { touches, .. } => touches,
-        _ => &[],
-    }
-}
-
-fn told(event: &Event, touches: &[carom_sim::Touch]) -> String {
-    let named = event.named(touches);
-    let contacts: Vec<&str> = named.contact.into_iter().chain(named.contacts.iter().copied()).collect();
-    if contacts.is_empty() { named.kind.to_owned() } else { format!("{} {}", named.kind, contacts.join(" and ")) }
 }
 
 /// Looks for the first passage of a function through zero, upwards, after it was below.
