@@ -29,9 +29,10 @@ pub struct AimCommand {
     /// Problem (TOML file)
     #[arg(value_name = "PROBLEM.toml")]
     problem: PathBuf,
-    /// Search from N random values of the unknowns between their bounds, and keep the least cost
+    /// Search N times from random values of the unknowns between their bounds, and keep the least cost
     ///
-    /// Without a cost the first that meets the conditions is kept. Every unknown needs bounds.
+    /// Each search begins at the nearest to the aim of 20 draws. Without a cost the first that meets the
+    /// conditions is kept. Every unknown needs bounds.
     #[arg(long, value_name = "N", verbatim_doc_comment, value_parser = clap::value_parser!(u64).range(1..))]
     starts: Option<u64>,
     /// Seed of the random starts

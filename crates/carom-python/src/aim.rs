@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 ///
 /// Args:
 ///     problem: path of a problem file, or its keys as a dict; the page "Reach an aim" of the manual lists them.
-///     starts: search from so many random values of the unknowns between their bounds, and keep the least cost; without a cost the first that
-///         meets the conditions.
+///     starts: search so many times, each from the nearest to the aim of 20 random draws between the bounds, and keep the least cost; without
+///         a cost the first that meets the conditions.
 ///     seed: of the random values.
 ///     folder: to which the file names in a dict are relative.
 ///
