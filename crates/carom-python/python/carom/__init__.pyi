@@ -1687,6 +1687,22 @@ def aim(
     problem: _Path | Mapping[str, Any], *, starts: int | None = None, seed: int = 0, folder: _Path = "."
 ) -> dict[str, Any]:
     """Chooses numbers of a scene such that its motion meets conditions, at least cost.
+
+    Args:
+        problem: path of a problem file, or its keys as a dict; the page "Reach an aim" of the manual lists them.
+        starts: search so many times, each from the nearest to the aim of 20 random draws between the bounds, and keep the least cost; without
+            a cost the first that meets the conditions.
+        seed: of the random values.
+        folder: to which the file names in a dict are relative.
+
+    Returns:
+        A dict with the JSON keys of ``carom aim --help``: unknowns, conditions, cost, events, steps, runs, differentiated, end, with ``starts`` also starts; and
+        scene, the text of a scene file with what was found, for the folder of the scene of the problem; and torques, the text of its table of
+        torques ``torques.csv``, or None.
+
+    Raises:
+        StudyError: a problem that cannot be read; a condition that is not met; a motion without an impact of a condition.
+        SimulationError: an invalid scene, or a first run that fails or has no derivative.
     """
 def orbit(
     problem: _Path | Mapping[str, Any], *, branch: bool = False, doubled: int = 0, folder: _Path = "."
