@@ -7,12 +7,10 @@
 
 use super::hit::ChainImpact;
 use super::strike::Strike;
-use crate::error::{SimError, require};
-use crate::model::Simulation;
-use crate::state::{EXACT, View, written};
-use carom_chain::{Chain, FramePoint, Spatial};
-use carom_impact::least_norm;
-use nalgebra::{DMatrix, DVector, Vector3};
+use crate::error::SimError;
+use crate::state::written;
+use carom_chain::{Chain, FramePoint};
+use nalgebra::Vector3;
 use serde::Serialize;
 
 /// What an impact does to the joints.
@@ -65,56 +63,6 @@ pub fn impact_loads(
         moment: wrench.moment,
     };
     Ok(ImpactLoads { joint_impulse, through: through.into_iter().map(named).collect() })
-}
-
-impl Simulation {
-    /// The normal impulses of these touches (N s, of joint limits N m s) in an impact from `qd_minus` to `qd_plus` at `q`: those with
-    /// Jᵀ p = M (q̇⁺ − q̇⁻), where J has the normal of each touch and, with friction, two tangents; of several the shortest p.
-    ///
-    /// # Errors
-    /// [`SimError::Chain`] for an invalid state; [`SimError::Setting`] for a mechanism with loops, whose impulses are not determined.
-    pub fn normal_impulses(
-        &self,
-        touches: &[usize],
-        q: &[f64],
-        [qd_minus, qd_plus]: [&[f64]; 2],
-        time: f64,
-    ) -> Result<Vec<f64>, SimError> {
-        let loops = self.loops.len();
-        require(
-            loops == 0,
-            "number of loops",
-            loops as f64,
-            "the impulses of a mechanism with loops are not determined",
-        )?;
-        let nv = self.chain.nv();
-        let change: Vec<f64> = qd_plus.iter().zip(qd_minus).map(|(after, before)| after - before).collect();
-        self.chain.check_state(q, &change)?;
-        let mut workspace = self.chain.workspace();
-        let mut view = View::<Spatial<f64>>::new(&self.chain, &mut workspace, q)?;
-        let momentum = view.kin.mass_matrix() * DVector::from_vec(change);
-        let (mut rows, mut normals) = (Vec::new(), Vec::new());
-        for touch in touches.iter().filter_map(|k| self.touches.get(*k)) {
-            let at = touch.at(&view, q, time);
-            normals.push(rows.len());
-            let mut normal = vec![0.0; nv];
-            touch.row_into(&at, &view, &mut normal)?;
-            rows.push(DVector::from_vec(normal));
-            if let Some(place) =
-                at.surface.filter(|_| touch.contact.latch || touch.contact.law.coefficients.friction > 0.0)
-            {
-                let jacobian = place.jacobian(&view);
-                let n = place.normal;
-                let along = n.cross(&Vector3::ith(n.iamin(), 1.0)).normalize();
-                rows.extend([along, n.cross(&along)].map(|t| jacobian.tr_mul(&t)));
-            }
-        }
-        if rows.is_empty() {
-            return Ok(Vec::new());
-        }
-        let p = least_norm(&DMatrix::from_columns(&rows), &momentum, EXACT);
-        Ok(normals.into_iter().map(|k| p[k]).collect())
-    }
 }
 
 impl Strike<'_> {

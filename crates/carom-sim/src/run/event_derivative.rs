@@ -154,10 +154,10 @@ impl<A: Space> Follow<'_, '_, A> {
             let n = before.x.len();
             let none = DMatrix::zeros(n, parameters);
             let inverse_after = left_inverse(&self.run.tangent(after.x.as_slice()));
-            Around {
+            Box::new(Around {
                 before: leads(inverse, &before.f, DMatrix::identity(n, n), &none),
                 after: leads(inverse_after, &after.f, map.clone(), &push),
-            }
+            })
         });
         Ok(Some(LinearEvent {
             time,

@@ -1,6 +1,5 @@
 //! A run as a linear map from changes of its start and parameters to those of its outcome, and its transpose.
 
-use super::follow::End;
 use super::trajectory::Event;
 use super::variation::{Gauss, LinearStep};
 use crate::error::{SimError, require};
@@ -22,7 +21,7 @@ pub(crate) struct LinearEvent {
     /// What happens, first one first.
     pub happened: Vec<Event>,
     /// The states just before and after it; `None` without a name, or where time passes in it.
-    pub around: Option<Around>,
+    pub around: Option<Box<Around>>,
     /// Ξ.
     pub map: DMatrix<f64>,
     /// What the parameters add.
@@ -229,8 +228,12 @@ pub struct ByOutcome {
 }
 
 impl LinearRun {
-    pub(super) fn new((names, parameters): (Vec<String>, usize), end: End, pieces: Pieces) -> Self {
-        let End { last, rate, tangent, .. } = end;
+    /// `rate`, `tangent`: the rate of the final displacement and velocity, and the map to them from x.
+    pub(super) fn new(
+        (names, parameters): (Vec<String>, usize),
+        (last, rate, tangent): (Moment, Vec<f64>, DMatrix<f64>),
+        pieces: Pieces,
+    ) -> Self {
         Self { names, parameters, last, rate, pieces: pieces.pieces, tangent, gauss: Gauss::new() }
     }
 

@@ -135,7 +135,8 @@ fn linear(
     if let Some(Broken { time, reason }) = &end.broken {
         return Err(SimError::NoDerivative { time: *time, reason: reason.clone() });
     }
-    Ok(LinearRun::new((names(simulation, parameters), parameters.len()), end, pieces))
+    let names = (names(simulation, parameters), parameters.len());
+    Ok(LinearRun::new(names, (end.last, end.rate, end.tangent), pieces))
 }
 
 /// The names of the columns.

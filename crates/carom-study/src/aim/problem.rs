@@ -645,7 +645,7 @@ fn asked(keys: &ConditionKeys) -> Result<([f64; 2], String), String> {
 
 fn bounds(from: Option<f64>, to: Option<f64>, first: f64) -> Result<[f64; 2], String> {
     let bounds = [from.unwrap_or(f64::NEG_INFINITY), to.unwrap_or(f64::INFINITY)];
-    if !(bounds[0] < bounds[1]) {
+    if bounds[0].partial_cmp(&bounds[1]) != Some(std::cmp::Ordering::Less) {
         return Err(format!("from = {}, to = {}: from must be below to", bounds[0], bounds[1]));
     }
     if !(bounds[0]..=bounds[1]).contains(&first) {
