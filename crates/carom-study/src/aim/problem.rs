@@ -114,7 +114,7 @@ enum Side {
 ///
 /// ```
 /// use carom_study::aim::Problem;
-/// let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../studies/racket.toml");
+/// let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../studies/aims/racket.toml");
 /// let found = Problem::from_file(file)?.solve()?;
 /// assert!(found.conditions.iter().all(|condition| condition.miss < 1e-9));
 /// # Ok::<(), carom_study::aim::AimError>(())
