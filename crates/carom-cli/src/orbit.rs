@@ -196,14 +196,7 @@ impl OrbitCommand {
 
     /// The branch and those that begin at its flips, as tables and as a picture.
     fn run_branch(&self, problem: &Problem, tables: &[&Path], picture: Option<&Path>) -> Result<Branches, CliError> {
-        let branch = problem.branch().map_err(|e| self.refuse(e))?;
-        let mut doubled: Vec<Branch> = Vec::new();
-        let mut problem = problem.clone();
-        for _ in 0..self.doubled {
-            let (next, own) = problem.doubled(doubled.last().unwrap_or(&branch)).map_err(|e| self.refuse(e))?;
-            problem = next;
-            doubled.push(own);
-        }
+        let (branch, doubled) = problem.branches(self.doubled).map_err(|e| self.refuse(e))?;
         let columns = problem.branch_columns();
         let mut table = Tables::begin(tables.iter().copied(), &columns, &problem.scene.text)?;
         std::iter::once(&branch).chain(&doubled).flat_map(Branch::rows).for_each(|row| table.row(&row));

@@ -4,7 +4,7 @@ use crate::array::{Array, array};
 use crate::error::raise;
 use crate::text::toml_text;
 use crate::threads::{left_behind, on_all_cores};
-use carom_study::orbit::{Branch, OrbitError, Problem, State};
+use carom_study::orbit::{OrbitError, Problem, State};
 use carom_study::{RowFile, write_whole};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -71,17 +71,7 @@ pub fn orbit<'py>(
 ) -> PyResult<Array<'py>> {
     let given = Given::of(problem, folder)?;
     if branch {
-        let found = left_behind(py, move |stop| -> Result<(Branch, Vec<Branch>), OrbitError> {
-            let mut problem = given.read(stop)?;
-            let branch = problem.branch()?;
-            let mut all: Vec<Branch> = Vec::new();
-            for _ in 0..doubled {
-                let (next, own) = problem.doubled(all.last().unwrap_or(&branch))?;
-                problem = next;
-                all.push(own);
-            }
-            Ok((branch, all))
-        })?;
+        let found = left_behind(py, move |stop| given.read(stop)?.branches(doubled))?;
         let (branch, all) = found.map_err(raise)?;
         let found = pythonize(py, &branch)?;
         if doubled > 0 {

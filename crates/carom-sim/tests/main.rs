@@ -20,6 +20,7 @@ mod impact_at_points;
 mod jams;
 mod lasting_contacts;
 mod laws;
+mod linear_runs;
 mod links;
 mod loads;
 mod loop_contacts;

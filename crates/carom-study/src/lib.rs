@@ -18,6 +18,7 @@ pub mod map_study;
 mod numbered;
 pub mod orbit;
 mod part;
+mod problem_file;
 mod scene_table;
 mod self_motion;
 mod table;

@@ -33,16 +33,12 @@ fn thrown(v: f64) -> (f64, f64) {
 
 #[test]
 fn a_start_that_meets_a_condition_has_the_closed_form() {
-    let found = bounce(
-        "[[unknown]]\nnumber = \"robot.qd[0]\"\nfirst = -1\n[[condition]]\nvalue = \"z\"\nequals = 1.5001\nwith = {}\n",
-    );
-    assert!(matches!(found, Err(AimError::File { .. })), "'with' is no key of a condition");
     let keys = "with = { \"robot.qd\" = [-1.0] }\n[[unknown]]\nnumber = \"robot.qd[0]\"\n[[condition]]\nvalue = \"z\"\nequals = 1.5001\n";
     let found = bounce(keys).unwrap();
     let (z, _) = thrown(found.unknowns[0].found);
     close("height", z, 1.5, 1e-9);
     assert_eq!((found.unknowns[0].first, found.end), (-1.0, End::Met));
-    // Newton's method: the last steps double the digits.
+    // Newton's method squares the miss.
     let misses: Vec<f64> = found.steps.iter().map(|step| step.miss).collect();
     assert!(misses.windows(2).all(|pair| pair[1] < (5.0 * pair[0] * pair[0]).max(1e-9)), "{misses:?}");
 }
@@ -60,7 +56,7 @@ fn durations_gravities_and_coefficients_that_meet_conditions_have_their_closed_f
     let keys = "[[unknown]]\nname = \"g\"\nfirst = 9\nset = { \"run.gravity[2]\" = \"-g\" }\n\
                 [[condition]]\nvalue = \"time\"\ncontact = \"mass\"\nequals = 0.8\n";
     close("gravity", bounce(keys).unwrap().unknowns[0].found, 2.0 * HEIGHT / 0.64, 1e-8);
-    // Of what the impact does.
+    // Conditions on an impact: energy, impulse, velocity, and a formula of them.
     for (value, equals, expected) in [
         ("lost", 10.0, (1.0 - 20.0 / (speed * speed)).sqrt()),
         ("impulse", 12.0, 12.0 / speed - 1.0),
@@ -93,7 +89,6 @@ fn bounds_and_inequalities_hold_and_the_cost_is_least_there() {
     let limit = "[[condition]]\nvalue = \"{qd z}\"\ncontact = \"mass\"\nmost = 6.3\n";
     let found = bounce(&format!("{start}{limit}{heaviest}")).unwrap();
     close("at the condition", found.unknowns[0].found, -((6.3 / E).powi(2) - 2.0 * G * HEIGHT).sqrt(), 1e-7);
-    // Of two starts with the same approach the nearer one: the least norm of a step.
     // Squares that cannot vanish: the least is where their derivatives cancel.
     let squares = "[[cost]]\nsquare = \"{qd z} - 7\"\ncontact = \"mass\"\n[[cost]]\nsquare = \"v + 1\"\nweight = 3\n";
     let keys = format!(
@@ -178,6 +173,7 @@ fn what_cannot_be_reached_and_wrong_problems_are_told() {
             "the motion has 1 impacts of mass",
         ),
         (height.into(), "nothing is unknown"),
+        (format!("{unknown}{height}with = {{}}\n"), "unknown field `with`"),
         (unknown.into(), "nothing is asked"),
         (format!("{unknown}[[condition]]\nvalue = \"z\"\n"), "[[condition]] 1: needs equals, or least, most or both"),
         (

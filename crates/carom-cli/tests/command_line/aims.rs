@@ -2,17 +2,10 @@
 
 use crate::command_line::desk::*;
 
-/// The desk with the studies of the repository.
-fn desk() -> Desk {
-    let desk = Desk::new();
-    desk.0.link(&["robots", "scenes", "studies"]);
-    desk
-}
-
 /// The scene that is written strikes as the answer says, with the torques in the table beside it.
 #[test]
 fn the_scene_the_table_and_the_answer_are_of_one_motion() {
-    let desk = desk();
+    let desk = Desk::with_studies();
     let found = desk.one("aim studies/aims/nail.toml --out blow.toml --out blow.csv --json");
     assert!(found["conditions"][0]["miss"].as_f64().unwrap() <= 1e-9);
     let run = desk.one("simulate blow.toml --json");
@@ -30,7 +23,7 @@ fn the_scene_the_table_and_the_answer_are_of_one_motion() {
 
 #[test]
 fn aims_that_are_not_reached_and_wrong_problems_name_file_key_and_rule() {
-    let desk = desk();
+    let desk = Desk::with_studies();
     let racket = std::fs::read_to_string(desk.0.join("studies/aims/racket.toml")).unwrap();
     let racket = racket.replace("../../scenes", "scenes");
     std::fs::write(desk.0.join("far.toml"), racket.replace("equals = 1.8", "equals = 18")).unwrap();

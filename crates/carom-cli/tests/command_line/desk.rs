@@ -35,6 +35,13 @@ impl Desk {
         Self(folder)
     }
 
+    /// The desk with the robots, scenes and studies of the repository.
+    pub fn with_studies() -> Self {
+        let desk = Self::new();
+        desk.0.link(&["robots", "scenes", "studies"]);
+        desk
+    }
+
     pub fn write(&self, file: &str, text: impl AsRef<[u8]>) {
         std::fs::write(self.0.join(file), text).unwrap();
     }

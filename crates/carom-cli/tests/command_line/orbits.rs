@@ -2,16 +2,9 @@
 
 use crate::command_line::desk::*;
 
-/// The desk with the studies of the repository.
-fn desk() -> Desk {
-    let desk = Desk::new();
-    desk.0.link(&["robots", "scenes", "studies"]);
-    desk
-}
-
 #[test]
 fn an_orbit_its_branch_and_its_cycles_are_written_as_tables() {
-    let desk = desk();
+    let desk = Desk::with_studies();
     let ball = "orbit studies/atlas/ball.toml";
     let found = desk.one(&format!("{ball} --out period.csv --json"));
     assert_eq!(found["stability"], "stable");
@@ -37,7 +30,7 @@ fn an_orbit_its_branch_and_its_cycles_are_written_as_tables() {
 
 #[test]
 fn multipliers_phase_portraits_and_cycles_are_drawn() {
-    let desk = desk();
+    let desk = Desk::with_studies();
     let svg = |name: &str| std::fs::read_to_string(desk.0.join(name)).unwrap();
     let ball = "studies/atlas/ball.toml";
     desk.one(&format!("orbit {ball} --branch --out m.svg --show multipliers --json"));
@@ -50,7 +43,7 @@ fn multipliers_phase_portraits_and_cycles_are_drawn() {
 
 #[test]
 fn basins_and_parts_of_cycles_are_tables_of_their_rows() {
-    let desk = desk();
+    let desk = Desk::with_studies();
     let text = std::fs::read_to_string(desk.0.join("studies/atlas/ball.toml")).unwrap();
     let text = text.replace("ball_scene.toml", "studies/atlas/ball_scene.toml").replace("points = 200", "points = 3");
     std::fs::write(desk.0.join("small.toml"), text).unwrap();
@@ -75,7 +68,7 @@ fn basins_and_parts_of_cycles_are_tables_of_their_rows() {
 
 #[test]
 fn what_cannot_be_done_names_file_option_and_rule() {
-    let desk = desk();
+    let desk = Desk::with_studies();
     for (args, told) in [
         ("orbit studies/atlas/none.toml", "studies/atlas/none.toml: cannot be read"),
         ("orbit studies/atlas/hammer2.toml --branch", "[vary] is missing: give it parameter, from and to"),

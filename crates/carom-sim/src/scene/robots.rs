@@ -3,7 +3,7 @@
 
 use super::drive::{Drives, World, positions};
 use super::file::{Beam, Control, Member, Robots, Target, TipVelocity};
-use super::keys::{Keys, Loading, TIP};
+use super::keys::{Keys, TIP};
 use super::refuse;
 use super::surface::half_space;
 use crate::contact::Surface;
@@ -71,11 +71,11 @@ impl Robots {
 }
 
 impl Body {
-    /// The tables of `[robot]` or `[[robot]]` of scenes in which the robots are the same: those keys of theirs that are read here.
+    /// What of the tables `[robot]` or `[[robot]]` the robots depend on: all keys but those of the start, the place and the controller.
     pub fn keys(robot: &toml::Value) -> Vec<toml::Table> {
-        let own = [Loading::names(), vec!["srdf", "floating", "beam", "effort", "name"]].concat();
+        let others = [Control::names(), vec!["q", "qd", "tip_velocity", "tip", "position", "rpy"]].concat();
         let part = |table: &toml::Table| {
-            let kept = table.iter().filter(|(key, _)| own.contains(&key.as_str()));
+            let kept = table.iter().filter(|(key, _)| !others.contains(&key.as_str()));
             kept.map(|(key, value)| (key.clone(), value.clone())).collect()
         };
         match robot {

@@ -4,15 +4,17 @@
 //! the run in reverse; of an unknown that changes the duration T also ∂g/∂x ẋ(T).
 
 use super::function::{Function, Point, Slope, difference};
-use super::problem::{FirstState, Given, Place, Problem, from_to};
+use super::problem::{Place, Problem};
+use super::unknown::{FirstState, Given, from_to};
 use super::{AimError, Happened};
 use carom_sim::{ByOutcome, Event, LinearRun, Parameter, Plan, Sampling, Seen, SimError, Simulation};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
-/// The values at some unknowns.
-#[derive(Clone)]
+/// The values at some unknowns, and the simulation that has them.
 pub(super) struct Values {
+    plan: Plan,
+    pub duration: f64,
     pub conditions: Vec<f64>,
     /// Of each cost, before weight and square.
     pub costs: Vec<f64>,
@@ -81,20 +83,21 @@ impl Problem {
         let start = plan.simulation.start_time;
         let told =
             |event: &Event| Happened { time: event.time - start, what: event.named(&plan.simulation.touches).told() };
-        Ok(Values { conditions, costs, effort, events: events.iter().map(told).collect() })
+        let events = events.iter().map(told).collect();
+        Ok(Values { plan, duration, conditions, costs, effort, events })
     }
 
-    /// The derivatives at u, by a run in reverse.
-    pub(super) fn slopes(&self, u: &[f64]) -> Result<Slopes, AimError> {
+    /// The derivatives at u, which has these values, by a run in reverse.
+    pub(super) fn slopes(&self, u: &[f64], values: &Values) -> Result<Slopes, AimError> {
         let given = &self.given;
-        let (plan, duration) = given.plan(u)?;
+        let Values { plan, duration, .. } = values;
         let (parameters, acting) = given.parameters(u, &plan.simulation);
-        let run = plan.linear_run(duration, &parameters)?;
+        let run = plan.linear_run(*duration, &parameters)?;
         let starts = given.starts(u)?;
         let later = given.later(u)?;
         let last = run.last();
         let events = run.happened().flatten().collect();
-        let outcome = Outcome { plan: &plan, unknowns: u, time: last.time, q: &last.q, qd: &last.qd, events };
+        let outcome = Outcome { plan, unknowns: u, time: last.time, q: &last.q, qd: &last.qd, events };
         let mut workspace = plan.simulation.chain.workspace();
         let (n, nv) = (u.len(), plan.simulation.chain.nv());
         let mut slopes = Vec::new();
@@ -123,7 +126,7 @@ impl Problem {
         let (conditions, costs) = rows.split_at(self.conditions.len());
         let mut effort = DVector::zeros(n);
         if let Some(torque) = given.torque.as_ref().filter(|_| self.effort > 0.0) {
-            let (sum, by) = torque.effort(&u[given.unknowns.len()..], duration);
+            let (sum, by) = torque.effort(&u[given.unknowns.len()..], *duration);
             effort.rows_mut(given.unknowns.len(), by.len()).copy_from_slice(&by);
             later.iter().for_each(|(k, by)| effort[*k] += sum / duration * by);
         }
@@ -141,7 +144,7 @@ impl Given {
             if !own.acts && !moves_knots {
                 continue;
             }
-            let closed = own.path().filter(|_| !moves_knots).and_then(|path| self.scene.of_drive(path));
+            let closed = own.path.as_ref().filter(|_| !moves_knots).and_then(|path| self.scene.of_drive(path));
             parameters.push(closed.unwrap_or_else(|| {
                 let (given, at) = (shared.clone(), u.to_vec());
                 Parameter::try_new(own.name.clone(), u[k].abs().max(own.size()), move |simulation, change| {

@@ -2,7 +2,7 @@
 //!
 //! | symbol | meaning | our name |
 //! | --- | --- | --- |
-//! | u | unknowns: numbers of the scene, torques at knots | `problem.rs` |
+//! | u | unknowns: numbers of the scene, torques at knots | `unknown.rs`, `torque.rs` |
 //! | c(u) | values of the conditions, each of a state, an impact or u | `function.rs` |
 //! | f(u) | cost | [`Found::cost`] |
 //! | ∂c, ∂f | derivatives of the whole run through its impacts, in reverse | `evaluate.rs` |
@@ -14,6 +14,9 @@ mod evaluate;
 mod function;
 mod problem;
 mod search;
+mod torque;
+mod unknown;
+mod written;
 
 pub use crate::orbit::Happened;
 pub use problem::Problem;
@@ -41,6 +44,13 @@ pub struct Found {
     pub differentiated: usize,
     /// Why the search ended.
     pub end: End,
+}
+
+impl Found {
+    /// The values of the unknowns.
+    pub fn values(&self) -> Vec<f64> {
+        self.unknowns.iter().map(|own| own.found).collect()
+    }
 }
 
 /// An unknown.

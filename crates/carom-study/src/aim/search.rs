@@ -23,7 +23,8 @@
 //! The merit is that of runs, whatever events they have: a step may add or lose an impact.
 
 use super::evaluate::{Slopes, Values};
-use super::problem::{Problem, size};
+use super::problem::Problem;
+use super::unknown::size;
 use super::{AimError, End, Found, Met, Starts, Step, Stuck, Unknown};
 use carom_sim::SimError;
 use clarabel::algebra::CscMatrix;
@@ -141,9 +142,9 @@ impl Problem {
         let sizes: Vec<f64> = bounds.iter().zip(self.given.first()).map(|(own, first)| size(*own, first)).collect();
         let mut counts = (1, 1);
         let values = self.values(&first)?;
-        let slopes = self.slopes(&first)?.scaled(&sizes);
+        let slopes = self.slopes(&first, &values)?.scaled(&sizes);
         let mut here = Place { u: first.clone(), values, slopes };
-        let has_cost = !self.costs.is_empty() || self.effort > 0.0;
+        let has_cost = self.has_cost();
         let bends = self.costs.iter().any(|cost| !cost.squared);
         let mut weight = 1.0;
         if has_cost {
@@ -206,7 +207,7 @@ impl Problem {
             }
             let taken = there.filter(|_| share > 1e-3).and_then(|values| {
                 counts.1 += 1;
-                let slopes = self.slopes(&tried).ok()?.scaled(&sizes);
+                let slopes = self.slopes(&tried, &values).ok()?.scaled(&sizes);
                 Some(Place { u: tried, values, slopes })
             });
             let length = solved.d.amax();
@@ -307,6 +308,10 @@ impl Problem {
         AimError::NotMet { steps, missed: missed.join("; "), why }
     }
 
+    fn has_cost(&self) -> bool {
+        !self.costs.is_empty() || self.effort > 0.0
+    }
+
     /// f.
     fn cost(&self, values: &Values) -> f64 {
         let own = self.costs.iter().zip(&values.costs);
@@ -333,8 +338,7 @@ impl Problem {
     }
 
     fn misses(&self, values: &Values) -> Vec<f64> {
-        let own = self.conditions.iter().zip(&values.conditions);
-        own.map(|(own, x)| (own.bounds[0] - x).max(x - own.bounds[1]).max(0.0)).collect()
+        self.conditions.iter().zip(&values.conditions).map(|(own, x)| own.miss(*x)).collect()
     }
 
     fn miss(&self, values: &Values) -> f64 {
@@ -365,8 +369,7 @@ impl Problem {
         }
         if let Some(torque) = self.given.torque.as_ref().filter(|_| self.effort > 0.0) {
             let first = self.given.unknowns.len();
-            let duration = self.given.scene_at(u)?.duration;
-            for (i, j, x) in torque.effort_twice(duration) {
+            for (i, j, x) in torque.effort_twice(values.duration) {
                 p.add(first + i, first + j, self.effort * x * sizes[first + i] * sizes[first + j]);
             }
         }
@@ -458,15 +461,8 @@ impl Problem {
         });
         let multipliers = DVector::from_iterator(self.conditions.len(), multipliers);
         let linearised = &slopes.conditions * &d;
-        let missed: f64 = self
-            .conditions
-            .iter()
-            .enumerate()
-            .map(|(k, own)| {
-                let x = conditions[k] + linearised[k];
-                (own.bounds[0] - x).max(x - own.bounds[1]).max(0.0)
-            })
-            .sum();
+        let missed = self.conditions.iter().zip(conditions).zip(linearised.iter());
+        let missed: f64 = missed.map(|((own, c), moved)| own.miss(c + moved)).sum();
         let mut promised = weight * (self.misses(values).iter().sum::<f64>() - missed) - linear.dot(&d);
         if let Some(hessian) = hessian {
             promised -= 0.5 * d.dot(&(hessian * &d));
@@ -477,9 +473,8 @@ impl Problem {
         }
         if let Some(torque) = self.given.torque.as_ref().filter(|_| self.effort > 0.0) {
             let first = self.given.unknowns.len();
-            let duration = self.given.scene_at(u)?.duration;
             let own: Vec<f64> = (first..n).map(|j| d[j] * sizes[j]).collect();
-            promised -= self.effort * torque.effort(&own, duration).0;
+            promised -= self.effort * torque.effort(&own, values.duration).0;
         }
         Ok(Solved { d, multipliers, missed, promised })
     }

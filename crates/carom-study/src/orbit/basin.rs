@@ -2,8 +2,9 @@
 //!
 //! From a start the return map is iterated. The motion has settled when the states after n and n − k cycles agree to a thousandth of the
 //! tolerance; the period of the attractor is then the least divisor d of k for which those after n and n − d cycles agree to the
-//! tolerance, so that a motion that approaches a cycle slowly, and from both sides in turn, is not of twice its period. An attractor is told by its period and by one of its states: that whose rounded numbers are
-//! the lexicographically least of the period, so that it does not depend on the phase in which the motion arrives.
+//! tolerance, so that a motion that approaches a cycle slowly, and from both sides in turn, is not of twice its period. An attractor is told
+//! by its period and by one of its states: that whose rounded numbers are the lexicographically least of the period, so that it does not
+//! depend on the phase in which the motion arrives.
 
 use super::problem::{Grid, Problem};
 use super::return_map::Period;
@@ -82,10 +83,7 @@ impl Problem {
     /// # Errors
     /// [`OrbitError::File`] if the problem has none, or 2⁶⁴ cells or more.
     pub fn basin(&self) -> Result<Basin<'_>, OrbitError> {
-        let refuse = |rule: &str| {
-            let file = self.files.first().map_or_else(String::new, |file| file.display().to_string());
-            OrbitError::File { file, rule: rule.into() }
-        };
+        let refuse = |rule: &str| self.refusal(rule);
         let grid = self.basin.as_ref().ok_or_else(|| refuse("[basin] is missing: give it x and y"))?;
         let [x, y] = [0, 1].map(|k| &grid.axes[k].axis);
         let rows = x.count().checked_mul(y.count());
@@ -189,10 +187,7 @@ impl Basin<'_> {
     /// # Errors
     /// [`OrbitError::File`]: more than 2²⁴ cells, or the picture cannot be drawn.
     pub fn picture(&self, progress: &(dyn Fn(u64) + Sync), stop: &AtomicBool) -> Result<Option<String>, OrbitError> {
-        let refuse = |rule: String| {
-            let file = self.problem.files.first().map_or_else(String::new, |file| file.display().to_string());
-            OrbitError::File { file, rule }
-        };
+        let refuse = |rule: String| self.problem.refusal(rule);
         if self.cells.is_empty() {
             return Err(refuse(format!(
                 "[basin] has {} cells, and a picture allows at most {MOST_DRAWN}: give its axes fewer points",

@@ -106,11 +106,7 @@ impl Problem {
     /// [`OrbitError`]: the problem has no parameter, or there is no orbit at the first value. A branch that ends later says why.
     pub fn branch(&self) -> Result<Branch, OrbitError> {
         let Some(vary) = self.vary.clone() else {
-            let (file, rule) = (
-                self.files.first().map_or_else(String::new, |file| file.display().to_string()),
-                "[vary] is missing: give it parameter, from and to",
-            );
-            return Err(OrbitError::File { file, rule: rule.into() });
+            return Err(self.refusal("[vary] is missing: give it parameter, from and to"));
         };
         let plan = self.plan(Some(vary.from))?;
         let (look, iterations) = self.first(&plan)?;
@@ -118,6 +114,21 @@ impl Problem {
         toward[look.r.len()] = 1.0;
         let here = self.place(&vary, (vary.from, plan), look, &toward);
         self.follow_on(&vary, here, (iterations, FIRST))
+    }
+
+    /// The branch, and those of twice the period that begin at the first flip of the one before, so many times in turn.
+    ///
+    /// # Errors
+    /// As [`Problem::branch`] and [`Problem::doubled`].
+    pub fn branches(&self, doubled: u8) -> Result<(Branch, Vec<Branch>), OrbitError> {
+        let branch = self.branch()?;
+        let (mut problem, mut all) = (self.clone(), Vec::new());
+        for _ in 0..doubled {
+            let (next, own) = problem.doubled(all.last().unwrap_or(&branch))?;
+            problem = next;
+            all.push(own);
+        }
+        Ok((branch, all))
     }
 
     /// Follows the orbits of twice the period that begin at the first flip of a branch of this problem; returns also the problem of them,
@@ -128,9 +139,8 @@ impl Problem {
     pub fn doubled(&self, branch: &Branch) -> Result<(Self, Branch), OrbitError> {
         let flip = branch.special.iter().find(|it| it.kind == "flip");
         let (Some(vary), Some(flip)) = (self.vary.clone(), flip) else {
-            let file = self.files.first().map_or_else(String::new, |file| file.display().to_string());
             let rule = "the branch has no flip, at which orbits of twice the period begin: follow it over a longer range of [vary]";
-            return Err(OrbitError::File { file, rule: rule.into() });
+            return Err(self.refusal(rule));
         };
         let near = &branch.points[flip.after.clamp(1, branch.points.len()) - 1].orbit.start;
         let plan = self.plan(Some(flip.parameter))?;

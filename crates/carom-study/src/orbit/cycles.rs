@@ -46,10 +46,7 @@ impl Problem {
     /// # Errors
     /// [`OrbitError::File`]: several values of a problem without a parameter; no value or no cycle; 2⁶⁴ rows or more.
     pub fn cycles(&self, values: u64, skip: u64, keep: u64) -> Result<Cycles<'_>, OrbitError> {
-        let refuse = |rule: &str| {
-            let file = self.files.first().map_or_else(String::new, |file| file.display().to_string());
-            Err(OrbitError::File { file, rule: rule.into() })
-        };
+        let refuse = |rule: &str| Err(self.refusal(rule));
         if values == 0 || keep == 0 || values.checked_mul(keep).is_none() {
             return refuse("the numbers of values and of cycles must be 1 or more, and their product below 2⁶⁴");
         }
@@ -108,10 +105,7 @@ impl Cycles<'_> {
     /// # Errors
     /// [`OrbitError::File`]: a name that is no column of the state, a problem without a parameter, more than 2²⁴ rows.
     pub fn drawing(mut self, show: &str) -> Result<Self, OrbitError> {
-        let refuse = |rule: String| {
-            let file = self.problem.files.first().map_or_else(String::new, |file| file.display().to_string());
-            Err(OrbitError::File { file, rule })
-        };
+        let refuse = |rule: String| Err(self.problem.refusal(rule));
         let state = &self.columns[2..self.columns.len() - 1];
         let Some(place) = state.iter().position(|column| column.name == show) else {
             return refuse(format!("the cycles have no column '{show}': there are {}", numbers_of(state)));

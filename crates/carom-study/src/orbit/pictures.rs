@@ -12,6 +12,7 @@ use std::f64::consts::TAU;
 pub const SAMPLES: usize = 200;
 /// Number of places, from bottom to top, in which states of cycles are told apart in a picture: about one pixel each.
 const PLACES: f64 = 500.0;
+
 /// The names of the columns of numbers.
 pub(super) fn numbers_of(columns: &[Column]) -> String {
     let names: Vec<&str> = columns.iter().filter(|it| it.words.is_empty()).map(|it| it.name.as_str()).collect();
@@ -162,10 +163,8 @@ impl Problem {
         let columns = self.motion_columns();
         let mut at = [0; 2];
         for (own, name) in at.iter_mut().zip(show) {
-            let refuse = || OrbitError::File {
-                file: self.files.first().map_or_else(String::new, |file| file.display().to_string()),
-                rule: format!("the motion has no column '{name}': there are {}", numbers_of(&columns)),
-            };
+            let refuse =
+                || self.refusal(format!("the motion has no column '{name}': there are {}", numbers_of(&columns)));
             *own = place(&columns, name).ok_or_else(refuse)?;
         }
         let point = |time: f64, q: &[f64], qd: &[f64]| {

@@ -2,7 +2,8 @@
 
 use super::{Orbit, OrbitError, State};
 use crate::map_study::Axis;
-use carom_chain::{Chain, input};
+use crate::problem_file::{self, Formulas, evaluated, formulas};
+use carom_chain::Chain;
 use carom_sim::{LinearFunction, Parameter, Plan, Scene, Simulation, Touch};
 use exmex::prelude::*;
 use serde::Deserialize;
@@ -140,9 +141,6 @@ pub(super) struct Vary {
     set: Formulas,
 }
 
-/// Numbers of the scene as functions of names: the path of a key, and its formula.
-type Formulas = Vec<(String, FlatEx<f64>)>;
-
 /// A grid of starts.
 #[derive(Debug, Clone)]
 pub(super) struct Grid {
@@ -185,8 +183,7 @@ impl Problem {
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, OrbitError> {
         let path = path.as_ref();
         let name = path.display().to_string();
-        let text = input::read_text(path, input::MOST_MIB)
-            .map_err(|e| OrbitError::File { file: name.clone(), rule: format!("cannot be read: {e}") })?;
+        let text = problem_file::text(path).map_err(|rule| OrbitError::File { file: name.clone(), rule })?;
         let mut problem = Self::read(&text, name, path.parent().unwrap_or(Path::new(".")))?;
         problem.files.insert(0, path.to_owned());
         Ok(problem)
@@ -203,11 +200,7 @@ impl Problem {
     fn read(text: &str, name: String, folder: &Path) -> Result<Self, OrbitError> {
         let refuse = |rule: String| OrbitError::File { file: name.clone(), rule };
         let file: File = carom_sim::from_toml(text).map_err(refuse)?;
-        let mut scene = Scene::from_file(folder.join(&file.scene))?;
-        if !file.with.is_empty() {
-            let files = std::mem::take(&mut scene.files);
-            scene = Scene { files, ..scene.with_entries(&file.with)? };
-        }
+        let scene = problem_file::scene(folder, &file.scene, &file.with)?;
         let plan = scene.plan()?;
         if plan.simulation.stepping {
             return Err(refuse("scene: its [run] has method = \"steps\", and orbits need events: remove it".into()));
@@ -268,6 +261,12 @@ impl Problem {
             problem.plan(Some(vary.to))?;
         }
         Ok(problem)
+    }
+
+    /// An error of the problem file.
+    pub(super) fn refusal(&self, rule: impl Into<String>) -> OrbitError {
+        let file = self.files.first().map_or_else(String::new, |file| file.display().to_string());
+        OrbitError::File { file, rule: rule.into() }
     }
 
     /// The start of the scene.
@@ -370,29 +369,6 @@ impl Grid {
             }
         }
     }
-}
-
-/// The numbers of the scene at values of the names.
-fn evaluated(set: &Formulas, names: &[(&str, f64)]) -> Vec<(String, f64)> {
-    let of = |formula: &FlatEx<f64>| {
-        let value = |name: &String| names.iter().find(|(own, _)| own == name).map_or(f64::NAN, |(_, value)| *value);
-        let values: Vec<f64> = formula.var_names().iter().map(value).collect();
-        formula.eval(&values).unwrap_or(f64::NAN)
-    };
-    set.iter().map(|(key, formula)| (key.clone(), of(formula))).collect()
-}
-
-/// Reads formulas of these names.
-fn formulas(set: &BTreeMap<String, String>, names: &[&str]) -> Result<Formulas, String> {
-    let read = set.iter().map(|(key, formula)| {
-        let refuse = |why: String| format!("set.\"{key}\" = \"{formula}\" {why}");
-        let parsed = FlatEx::<f64>::parse(formula).map_err(|e| refuse(format!("is no formula: {e}")))?;
-        match parsed.var_names().iter().find(|name| !names.contains(&name.as_str())) {
-            Some(name) => Err(refuse(format!("has the variable '{name}': there are {}", names.join(", ")))),
-            None => Ok((key.clone(), parsed)),
-        }
-    });
-    read.collect()
 }
 
 fn section(keys: &SectionKeys, plan: &Plan) -> Result<Section, String> {

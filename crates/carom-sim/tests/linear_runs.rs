@@ -1,0 +1,141 @@
+//! Runs as linear maps, and their transposes: against sensitivities, and against differences of runs.
+
+use carom_sim::{ByOutcome, Parameter, Simulation};
+use carom_testing::scenes::changed;
+
+/// The linear maps of a run, applied to a change of the start, and their transposes, applied to derivatives by the outcome, are the columns
+/// and the rows of the sensitivities: through impacts alone and of several contacts, accumulations, sliding, sticking, a bristle, loops.
+#[test]
+fn linear_runs_and_their_transposes_are_the_columns_and_rows_of_the_sensitivities() {
+    // The transposes have the same digits but for the order of sums. Those of events by differences have coordinates along directions
+    // that the motion has contracted: the sums of a box that comes to rest lose three digits more.
+    let scenes = [
+        ("planar2", 0.5, 1e-11),
+        ("strike7", 0.3, 1e-11),
+        ("box", 0.6, 1e-9),
+        ("four_bar", 0.41, 1e-11),
+        ("kane", 0.2, 1e-11),
+    ];
+    for (name, duration, tolerance) in scenes {
+        let plan = changed(name, &[]).plan().unwrap();
+        let parameters = Parameter::all(&plan.simulation);
+        let all = plan.sensitivity(duration, &parameters).unwrap();
+        let run = plan.linear_run(duration, &parameters).unwrap();
+        assert_eq!((run.names(), run.last()), (&all.names[..], &all.last), "{name}");
+        assert_eq!(
+            run.events().map(|(time, _)| time).collect::<Vec<_>>(),
+            all.events.iter().map(|it| it.time).collect::<Vec<_>>()
+        );
+        let by = all.last_by.unwrap();
+        let counts = |time_by: &[f64]| time_by.iter().all(|x| x.is_finite());
+        let close = |what: &str, a: f64, b: f64, size: f64| {
+            assert!((a - b).abs() <= tolerance * size, "{name}, {what}: {a} and {b}, {size}");
+        };
+        for j in 0..by.ncols() {
+            let mut change = vec![0.0; by.ncols()];
+            change[j] = 1.0;
+            let (last, times) = run.jvp(&change).unwrap();
+            last.iter().zip(&by.column(j)).for_each(|(a, b)| close("column", *a, *b, by.amax()));
+            for (time, event) in times.iter().zip(&all.events).filter(|(_, event)| counts(&event.time_by)) {
+                close("time", *time, event.time_by[j], event.time_by.iter().fold(1.0, |m, x| m.max(x.abs())));
+            }
+        }
+        for i in 0..by.nrows() {
+            let mut weights = vec![0.0; by.nrows()];
+            weights[i] = 1.0;
+            let gradient = run.vjp(&weights, &[]).unwrap();
+            gradient.iter().zip(&by.row(i)).for_each(|(a, b)| close("row", *a, *b, by.amax()));
+        }
+        for (i, event) in all.events.iter().enumerate() {
+            let mut weights = vec![0.0; all.events.len()];
+            weights[i] = 1.0;
+            let gradient = run.vjp(&vec![0.0; by.nrows()], &weights);
+            if !counts(&event.time_by) {
+                let told = gradient.unwrap_err().to_string();
+                assert!(told.contains("too slow for digits"), "{told}");
+                continue;
+            }
+            let size = event.time_by.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
+            gradient.unwrap().iter().zip(&event.time_by).for_each(|(a, b)| close("time in reverse", *a, *b, size));
+        }
+    }
+}
+
+/// Where the derivative does not exist there is no linear run, and the reason and the time are told; wrong numbers of changes are refused.
+#[test]
+fn a_run_without_a_derivative_has_no_linear_run() {
+    let plan = changed("cradle", &[]).plan().unwrap();
+    let Err(error) = plan.linear_run(1.0, &[]) else { panic!("a cradle has no derivative") };
+    assert!(error.to_string().starts_with("the run has no derivative: at "), "{error}");
+    let plan = changed("bounce", &[]).plan().unwrap();
+    let run = plan.linear_run(0.1, &[]).unwrap();
+    let told = run.vjp(&[1.0], &[]).unwrap_err().to_string();
+    assert!(told.contains("number of derivatives by the final state"), "{told}");
+    assert!(run.jvp(&[1.0; 7]).is_err() && run.vjp(&[0.0, 1.0], &[1.0; 9]).is_err());
+}
+
+/// Positions, approach speeds, rebound speeds and normal impulses at impacts of one contact and of two, and of a joint at its limit: the
+/// gradient of a sum of them, by the start and by parameters, is its difference of runs.
+#[test]
+fn gradients_of_states_at_events_and_of_impulses_equal_differences_of_runs() {
+    let away = [("q = [0.7854, -1.5708]", "q = [0.8, -1.6]")];
+    for (file, changes, duration) in [("planar2", &away[..], 0.5), ("racket", &[], 0.75)] {
+        let scene = changed(file, changes);
+        let plan = scene.plan().unwrap();
+        let (sim, nv) = (&plan.simulation, plan.simulation.chain.nv());
+        let parameters = Parameter::all(sim);
+        let weights: Vec<f64> = (0..2 * nv).map(|k| (1.0 + k as f64).sin()).collect();
+        let run = plan.linear_run(duration, &parameters).unwrap();
+        let index = run.happened().position(|happened| happened[0].kind.is_impact()).expect(file);
+        let reference = run.happened().nth(index).unwrap()[0].clone();
+        // Of the first impact: a linear function of the states before and after it, and its impulse.
+        let value = |sim: &Simulation, q: &[f64], qd: &[f64]| {
+            let fine = Simulation { tolerance: 1e-12, ..sim.clone() };
+            let run = fine.run(q, qd, duration).unwrap();
+            let event = run.events.iter().find(|event| event.kind.is_impact()).unwrap().clone();
+            let moved = sim.chain.difference(&reference.q, &event.q).unwrap();
+            let linear = |qd: &[f64]| -> f64 { moved.iter().chain(qd).zip(&weights).map(|(x, w)| x * w).sum() };
+            let velocities = [event.qd_minus.as_slice(), &event.qd_plus];
+            let impulse: f64 =
+                sim.normal_impulses(event.kind.struck(), &event.q, velocities, event.time).unwrap().iter().sum();
+            let direct: f64 = event
+                .impulses
+                .iter()
+                .map(|it| {
+                    let moment = carom_sim::Moment { time: event.time, q: event.q.clone(), qd: event.qd_minus.clone() };
+                    sim.touching_point(it.touch, &moment).unwrap().map_or(0.0, |[_, n]| n.dot(&it.impulse))
+                })
+                .sum();
+            assert!((impulse - direct).abs() < 1e-9 * direct.abs(), "{file}: {impulse} {direct}");
+            [linear(&event.qd_minus), linear(&event.qd_plus)]
+        };
+        for side in [0, 1] {
+            let mut by = ByOutcome { last: vec![0.0; 2 * nv], ..ByOutcome::default() };
+            if side == 0 { &mut by.before } else { &mut by.after }.push((index, weights.clone()));
+            let gradient = run.gradient(&by).unwrap();
+            for k in 0..2 * nv + parameters.len() {
+                let at = |delta: f64| {
+                    let (mut q, mut qd, mut changed) = (plan.q.clone(), plan.qd.clone(), sim.clone());
+                    let mut unit = vec![0.0; nv];
+                    if k < nv {
+                        unit[k] = 1.0;
+                        q = sim.chain.integrate(&q, &unit, delta).unwrap();
+                    } else if k < 2 * nv {
+                        qd[k - nv] += delta;
+                    } else {
+                        changed = parameters[k - 2 * nv].apply(sim, delta).unwrap();
+                    }
+                    value(&changed, &q, &qd)[side]
+                };
+                let h = 1e-4;
+                let there = (at(h) - at(-h)) * (8.0 / 12.0 / h) - (at(2.0 * h) - at(-2.0 * h)) * (1.0 / 12.0 / h);
+                assert!(
+                    (gradient[k] - there).abs() < 1e-6 * there.abs().max(1.0),
+                    "{file} {}: {} {there}",
+                    run.names()[k],
+                    gradient[k]
+                );
+            }
+        }
+    }
+}

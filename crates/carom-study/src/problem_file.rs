@@ -1,0 +1,48 @@
+//! What the problem files of aims and of orbits have in common: the scene with other values of its keys, and formulas of its numbers.
+
+use carom_chain::input;
+use carom_sim::{Scene, SimError};
+use exmex::prelude::*;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Numbers of the scene as functions of names: the path of a key, and its formula.
+pub(crate) type Formulas = Vec<(String, FlatEx<f64>)>;
+
+/// The text of a problem file, or why it cannot be read.
+pub(crate) fn text(path: &Path) -> Result<String, String> {
+    input::read_text(path, input::MOST_MIB).map_err(|e| format!("cannot be read: {e}"))
+}
+
+/// The scene of a problem in this folder, `with` other values at the paths of keys.
+pub(crate) fn scene(folder: &Path, scene: &Path, with: &toml::Table) -> Result<Scene, SimError> {
+    let scene = Scene::from_file(folder.join(scene))?;
+    if with.is_empty() {
+        return Ok(scene);
+    }
+    let changed = scene.with_entries(with)?;
+    Ok(Scene { files: scene.files, ..changed })
+}
+
+/// Reads formulas of these names.
+pub(crate) fn formulas(set: &BTreeMap<String, String>, names: &[&str]) -> Result<Formulas, String> {
+    let read = set.iter().map(|(key, formula)| {
+        let refuse = |why: String| format!("set.\"{key}\" = \"{formula}\" {why}");
+        let parsed = FlatEx::<f64>::parse(formula).map_err(|e| refuse(format!("is no formula: {e}")))?;
+        match parsed.var_names().iter().find(|name| !names.contains(&name.as_str())) {
+            Some(name) => Err(refuse(format!("has the variable '{name}': there are {}", names.join(", ")))),
+            None => Ok((key.clone(), parsed)),
+        }
+    });
+    read.collect()
+}
+
+/// The numbers of the scene at values of the names.
+pub(crate) fn evaluated(set: &Formulas, names: &[(&str, f64)]) -> Vec<(String, f64)> {
+    let of = |formula: &FlatEx<f64>| {
+        let value = |name: &String| names.iter().find(|(own, _)| own == name).map_or(f64::NAN, |(_, value)| *value);
+        let values: Vec<f64> = formula.var_names().iter().map(value).collect();
+        formula.eval(&values).unwrap_or(f64::NAN)
+    };
+    set.iter().map(|(key, formula)| (key.clone(), of(formula))).collect()
+}
