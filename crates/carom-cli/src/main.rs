@@ -30,6 +30,7 @@ mod paper;
 mod plan;
 mod record;
 mod rows;
+mod run_error;
 mod runs;
 mod scene;
 mod sensitivity;

@@ -1,7 +1,7 @@
 //! Recordings for the Rerun viewer, with the feature `rerun`; without it, the options that ask for one are refused.
 
 use crate::error::CliError;
-use carom_sim::{Plan, Scene, Seen, Summary};
+use carom_sim::{Moment, Plan, Scene, Seen, StateError, Summary};
 use carom_study::Diagram;
 use carom_study::map_study::Study;
 use clap::Args;
@@ -127,6 +127,10 @@ impl Recorder {
         self.0.see(seen);
     }
 
+    pub fn errors(&mut self, moments: &[Moment], errors: &[Option<StateError>]) {
+        self.0.errors(moments, errors);
+    }
+
     pub fn finish(self, run: &Summary) -> Result<(), CliError> {
         Ok(self.0.finish(run)?)
     }
@@ -143,6 +147,10 @@ impl Recorder {
     }
 
     pub fn see(&mut self, _: Seen) {
+        match *self {}
+    }
+
+    pub fn errors(&mut self, _: &[Moment], _: &[Option<StateError>]) {
         match *self {}
     }
 

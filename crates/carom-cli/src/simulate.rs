@@ -7,17 +7,18 @@ use crate::impact::loads_for_people;
 use crate::output::{Printed, answer, say, short};
 use crate::plan::moving_joints;
 use crate::record::{Record, Recorder};
+use crate::run_error::{self, Accuracy};
 use crate::runs;
 use crate::scene::load;
 use crate::sensitivity::{self, Sensitivity};
 use carom_impact::Mode;
 use carom_sim::{
-    AtContact, ContactMode, ContactState, EnergyBooks, EventLoads, Moment, NamedEvent, Sampling, Seen, Statistics,
-    StopReason, Summary, UnderLaw,
+    AtContact, ContactMode, ContactState, EnergyBooks, EventLoads, Moment, NamedEvent, RunError, Sampling, Seen,
+    Statistics, StopReason, Summary, UnderLaw,
 };
 use carom_study::{
-    Column, SCENE_KEY, Table, TableError, contact_columns, contact_row, event_table, load_columns, load_rows,
-    motor_columns, state_columns,
+    Column, SCENE_KEY, Table, TableError, contact_columns, contact_row, error_columns, error_row, event_table,
+    load_columns, load_rows, motor_columns, state_columns,
 };
 use clap::Args;
 use serde::Serialize;
@@ -43,7 +44,10 @@ const SAMPLE: f64 = 0.004;
 ///   final {time, q, qd, contacts [{contact, mode, point, normal, gap, force, normal_force, flags}]};
 ///   energy {start, end, drive, resistance, lost_in_impacts, error}, where
 ///     end = start + drive + resistance − lost_in_impacts + error;
-///   statistics {the numbers listed at the end}.
+///   statistics {the numbers listed at the end};
+///   accuracy {asked, tolerance, error, evaluations} of a scene with [run] accuracy.
+/// JSON keys with --error: error {tighter (tolerances of the runs that tell it), final {q, qd}, or
+///   unknown {time, reason} instead of it}; of each event time_error, unless it has none.
 /// JSON keys with --sensitivity: sensitivity {names (of the columns: q and qd of the start by joint,
 ///   then parameters); final [{of, by}], a row for each number of the final state; events [{time,
 ///   kinds, time_by}]; broken {time, reason} instead of final where the derivatives end}.
@@ -120,6 +124,15 @@ pub struct Simulate {
         value_parser = clap::value_parser!(u64).range(1..)
     )]
     runs: Option<u64>,
+    /// Estimate the error of the run: of every number of the final state and of the times of events
+    ///
+    /// By a run with a tenth of the tolerance, and where its events differ by one with a hundredth:
+    /// absolute errors, of q as a displacement (rad, m; of a floating joint along and about the axes of
+    /// its link), of qd (rad/s, m/s) and of times (s). Tables of --out have also the columns
+    /// error.q.<joint> and error.qd.<joint>, those of --events time_error, recordings plots. Runs with
+    /// time steps have no estimate.
+    #[arg(long, verbatim_doc_comment, conflicts_with = "runs")]
+    error: bool,
     /// Differentiate the final state and the times of the events by the start and by parameters
     ///
     /// Exact to about 1e-8 of their size. The parameters: restitution and friction of all
@@ -152,6 +165,10 @@ struct Answer<'a> {
     r#final: Last<'a>,
     energy: EnergyBooks,
     statistics: Statistics,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    accuracy: Option<Accuracy>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<RunError>,
     #[serde(skip_serializing_if = "Option::is_none")]
     sensitivity: Option<Sensitivity>,
 }
@@ -210,14 +227,29 @@ impl Simulate {
                 return Err(CliError::Option(why.into()));
             }
             let stop = files::interrupts();
-            let plan = scene.plan().map_err(refuse)?;
+            let (scene, plan) = match scene.to_accuracy().map_err(refuse)? {
+                Some(met) => (met.scene, met.plan),
+                None => {
+                    let plan = scene.plan().map_err(refuse)?;
+                    (scene, plan)
+                }
+            };
             let (table, nowhere) = (tables.first().copied(), &mut io::sink());
             let answer: &mut dyn Write = if printed.is_asked() { nowhere } else { &mut *out };
             let ran = runs::run((&self.scene, &scene, &plan), (runs, &stop), table, self.json, answer);
             return if ran.is_ok() { printed.print(out) } else { printed.keep(ran) };
         }
         files::clear_when_interrupted();
-        let plan = scene.plan().map_err(refuse)?;
+        let asked = scene.accuracy;
+        let met = scene.to_accuracy().map_err(refuse)?;
+        let accuracy = asked.zip(met.as_ref()).map(|(asked, met)| Accuracy::of(asked, met));
+        let (plan, done) = match met {
+            Some(met) => {
+                scene = met.scene;
+                (met.plan, Some((met.events, met.summary)))
+            }
+            None => (scene.plan().map_err(refuse)?, None),
+        };
         if self.sensitivity {
             sensitivity::check(&self.scene, &plan)?;
         }
@@ -225,6 +257,9 @@ impl Simulate {
         let mut columns = state_columns(&sim.chain);
         if loads {
             columns.extend(motor_columns(&sim.chain));
+        }
+        if self.error {
+            columns.extend(error_columns(&sim.chain));
         }
         let mut states = Tables::begin(tables, &columns, &scene.text)?;
         let mut contacts = Tables::begin(contacts.map(|path| printed.place(path)), &contact_columns(sim), &scene.text)?;
@@ -236,15 +271,22 @@ impl Simulate {
         let mut events = Vec::new();
         let sampling = Sampling { every, loads, ..Sampling::default() };
         let mut row = Vec::new();
-        let run = plan.stream(scene.duration, sampling, &mut |seen| {
+        // Of a run whose errors are told after its end.
+        let (mut rows, mut moments) = (Vec::new(), Vec::new());
+        let mut write = |row: &[f64]| if self.error { rows.push(row.to_vec()) } else { states.row(row) };
+        let mut watch = |seen: Seen| {
             match &seen {
-                Seen::Moment(Moment { time, q, qd }) => {
+                Seen::Moment(moment) => {
+                    let Moment { time, q, qd } = moment;
                     row = [&[*time], &q[..], qd].concat();
                     if !loads {
-                        states.row(&row);
+                        write(&row);
+                    }
+                    if self.error {
+                        moments.push((*moment).clone());
                     }
                 }
-                Seen::Motors(_, forces) => states.row(&[&row[..], forces].concat()),
+                Seen::Motors(_, forces) => write(&[&row[..], forces].concat()),
                 Seen::Event(event) => {
                     load_rows(&sim.chain, event).iter().for_each(|row| joint_loads.row(row));
                     events.push((*event).clone());
@@ -255,8 +297,21 @@ impl Simulate {
             if let Some(recorder) = &mut recorder {
                 recorder.see(seen);
             }
-        });
-        let run = run.map_err(refuse)?;
+        };
+        let run = match done.filter(|_| every.is_none() && !loads) {
+            Some((all, run)) => {
+                events = all;
+                run
+            }
+            None => plan.stream(scene.duration, sampling, &mut watch).map_err(refuse)?,
+        };
+        let error = self.error.then(|| plan.error_of((scene.duration, every), (&events, &moments, &run)));
+        let error = error.transpose().map_err(refuse)?;
+        if let Some(error) = &error {
+            for (row, sample) in rows.iter().zip(&error.samples) {
+                states.row(&[&row[..], &error_row(&sim.chain, sample.as_ref())].concat());
+            }
+        }
         let without_loads = if loads { run.missing_loads(sim) } else { Vec::new() };
         for warning in run.warnings().into_iter().chain(without_loads) {
             say(&format!("warning: {}: {warning}", self.scene.display()));
@@ -266,12 +321,17 @@ impl Simulate {
         states.finish()?;
         contacts.finish()?;
         joint_loads.finish()?;
-        let named: Vec<NamedEvent> = events.iter().map(|event| event.named(&sim.touches)).collect();
-        let (columns, rows) = event_table(&sim.chain, &named);
+        let mut named: Vec<NamedEvent> = events.iter().map(|event| event.named(&sim.touches)).collect();
+        let errors = error.iter().flat_map(|error| &error.events);
+        named.iter_mut().zip(errors).for_each(|(event, error)| event.time_error = *error);
+        let (columns, rows) = event_table(&sim.chain, &named, self.error);
         let mut table = Tables::begin(of_events.map(|path| printed.place(path)), &columns, &scene.text)?;
         rows.iter().for_each(|row| table.row(row));
         table.finish()?;
-        if let Some(recorder) = recorder {
+        if let Some(mut recorder) = recorder {
+            if let Some(error) = &error {
+                recorder.errors(&moments, &error.samples);
+            }
             recorder.finish(&run)?;
         }
         if printed.is_asked() {
@@ -288,10 +348,14 @@ impl Simulate {
             },
             energy: run.energy,
             statistics: run.statistics,
+            accuracy,
+            error,
             sensitivity: derivatives,
         };
         let written = answer(out, &whole, self.json, |whole, out| {
             for_people(&whole.events, &run, out)?;
+            whole.accuracy.as_ref().map_or(Ok(()), |accuracy| accuracy.for_people(out))?;
+            whole.error.as_ref().map_or(Ok(()), |error| run_error::for_people(error, out))?;
             whole.sensitivity.as_ref().map_or(Ok(()), |derivatives| derivatives.for_people(out))
         });
         written.map_err(|refused| CliError::refused(&self.scene, refused))

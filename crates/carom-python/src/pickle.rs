@@ -7,8 +7,8 @@ use crate::array::Array;
 use carom_impact::{Account, ImpactOutcome, Mode, Phase};
 use carom_sim::{
     Broken, ChainImpact, ContactImpulse, ContactMode, ContactState, EnergyBooks, Event, EventKind, EventLoads,
-    EventTime, ImpactBand, ImpactLoads, JointImpulse, Moment, NonUnique, Saltation, Sensitivity, SeveralImpact,
-    Statistics, StepReason, StopReason, Summary,
+    EventTime, ImpactBand, ImpactLoads, JointImpulse, Moment, NonUnique, RunError, Saltation, Sensitivity,
+    SeveralImpact, StateError, Statistics, StepReason, StopReason, Summary,
 };
 use carom_study::Column;
 use carom_study::fit::{Coefficient, Fit, FittedTo, Interval, Loss, Misfit, Score};
@@ -327,12 +327,14 @@ fields! {
     EnergyBooks { start, end, drive, resistance, impacts }
     Statistics {
         steps, rejections, evaluations, refinements, contact_steps, step_error, worst_residual, energy_gained,
-        non_unique_time, neglected_frictions, neglected_bound, neglected_depth,
+        longest_step, non_unique_time, neglected_frictions, neglected_bound, neglected_depth,
     }
     Summary { last, mode, contacts, stop, events, statistics, energy }
     Sensitivity { names, last, last_by, rate, events, broken }
     EventTime { time, kinds, time_by }
     Broken { time, reason }
+    RunError { tighter, last, samples, events, unknown }
+    StateError { q, qd }
     Column { name, words, unit }
     Fit { to, law, loss, threshold, coefficients, train, test, each, notes, trials }
     Coefficient { name, value, low, high, interval }

@@ -10,11 +10,12 @@ use crate::pickle::{Parts, Pickled, fields, tuple, variants};
 use crate::scene::{Planned, Scene};
 use crate::table::Table;
 use carom_sim::{
-    ContactState, Event, EventKind, EventLoads, EventTime, Moment, NamedEvent, Plan, Seen, Simulation, Summary,
+    ContactState, Event, EventKind, EventLoads, EventTime, Moment, NamedEvent, Plan, RunError, Seen, Simulation,
+    StateError, Summary,
 };
 use carom_study::{
-    Column, SCENE_KEY, contact_columns, contact_row, coordinate_columns, load_columns, load_rows, motor_columns,
-    state_columns,
+    Column, SCENE_KEY, contact_columns, contact_row, coordinate_columns, error_columns, error_row, load_columns,
+    load_rows, motor_columns, state_columns,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -35,6 +36,14 @@ pub enum Told {
 variants! { Told { Moment(moment), Event(event), Contacts(time, states), Motors(time, forces) } }
 
 impl Told {
+    /// The events and the moments among these.
+    pub fn events_and_moments(all: &[Self]) -> (Vec<Event>, Vec<Moment>) {
+        let events = all.iter().filter_map(|it| if let Self::Event(event) = it { Some(event.clone()) } else { None });
+        let moments =
+            all.iter().filter_map(|it| if let Self::Moment(moment) = it { Some(moment.clone()) } else { None });
+        (events.collect(), moments.collect())
+    }
+
     pub fn of(seen: &Seen) -> Option<Self> {
         match seen {
             Seen::Moment(moment) => Some(Self::Moment((*moment).clone())),
@@ -57,11 +66,20 @@ pub struct Run {
     summary: Summary,
     /// Whether it has loads.
     loads: bool,
+    /// Its errors, if they were asked for.
+    error: Option<RunError>,
 }
 
 impl Run {
-    pub fn new(scene: Scene, plan: Plan, told: Vec<Told>, summary: Summary, loads: bool) -> Self {
-        Self { scene, plan, told, summary, loads }
+    /// With loads and errors, if they were asked for.
+    pub fn new(
+        scene: Scene,
+        plan: Plan,
+        told: Vec<Told>,
+        summary: Summary,
+        (loads, error): (bool, Option<RunError>),
+    ) -> Self {
+        Self { scene, plan, told, summary, loads, error }
     }
 
     /// The forces of the motors at the moments.
@@ -74,6 +92,20 @@ impl Run {
     fn loaded(&self) -> PyResult<&Self> {
         let none = "this run has no loads: compute them with scene.simulate(loads=True)";
         if self.loads { Ok(self) } else { Err(PyValueError::new_err(none)) }
+    }
+
+    /// # Errors
+    /// `ValueError`: errors were not asked for.
+    fn estimated(&self) -> PyResult<&RunError> {
+        let none = "this run has no errors: estimate them with scene.simulate(error=True)";
+        self.error.as_ref().ok_or_else(|| PyValueError::new_err(none))
+    }
+
+    /// The errors at the moments; NaN where there are none.
+    fn errors<'py>(&self, py: Python<'py>, of: fn(&StateError) -> &[f64]) -> PyResult<Array<'py>> {
+        let (samples, nv) = (&self.estimated()?.samples, self.plan.simulation.chain.nv());
+        let row = |sample: &Option<StateError>| sample.as_ref().map_or(vec![f64::NAN; nv], |error| of(error).to_vec());
+        array(py, samples.iter().flat_map(row).collect(), &[samples.len(), nv])
     }
 
     /// What to know of the results.
@@ -99,14 +131,23 @@ impl Run {
 /// By its scene, which is planned again, and by what it has reported.
 impl Pickled for Run {
     fn write<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        tuple(py, [self.scene.write(py)?, self.told.write(py)?, self.summary.write(py)?, self.loads.write(py)?])
+        tuple(
+            py,
+            [
+                self.scene.write(py)?,
+                self.told.write(py)?,
+                self.summary.write(py)?,
+                self.loads.write(py)?,
+                self.error.write(py)?,
+            ],
+        )
     }
 
     fn read(from: &Bound<'_, PyAny>) -> PyResult<Self> {
         let mut parts = Parts::of(from)?;
         let scene: Scene = parts.next()?;
         let plan = scene.scene.plan().map_err(raise)?;
-        Ok(Self::new(scene, plan, parts.next()?, parts.next()?, parts.next()?))
+        Ok(Self::new(scene, plan, parts.next()?, parts.next()?, (parts.next()?, parts.next()?)))
     }
 }
 
@@ -136,7 +177,19 @@ getters! { Run, self, py {
         array(py, forces, &[self.moments().count(), self.plan.simulation.chain.nv()])?
     };
     /// The events in the order of time, a list of Event.
-    events: Vec<RunEvent> = self.all_events().map(|event| RunEvent::of(&self.plan.simulation, event.clone())).collect();
+    events: Vec<RunEvent> = {
+        let mut errors = self.error.iter().flat_map(|error| error.events.iter().copied());
+        let own = |event: &Event| RunEvent::of(&self.plan.simulation, event.clone()).with_error(errors.next().flatten());
+        self.all_events().map(own).collect()
+    };
+    /// The estimated errors of the end, a dict: tighter (the tolerances of the runs that tell them), final (a dict of q, as a
+    /// displacement of nv numbers, and qd), or unknown (a dict of time and reason) instead of it. None without `simulate(error=True)`.
+    error: Option<Bound<'py, PyAny>>, "dict[str, Any] | None" = self.error.as_ref().map(|error| pythonize(py, error)).transpose()?;
+    /// The estimated errors of q at the samples, as displacements, shape (S, nv); rad, m. Needs `simulate(error=True)`; NaN where there
+    /// is no estimate.
+    q_error: Array<'py> = self.errors(py, |error| &error.q)?;
+    /// The estimated errors of qd at the samples, shape (S, nv); rad/s, m/s. Needs `simulate(error=True)`; NaN where there is no estimate.
+    qd_error: Array<'py> = self.errors(py, |error| &error.qd)?;
     /// Why the run has ended: "duration" or "events".
     stop_reason: &'static str, "Literal['duration', 'events']" = self.summary.stop.name();
     /// Contact mode at the end.
@@ -152,8 +205,8 @@ getters! { Run, self, py {
 
 #[pymethods]
 impl Run {
-    /// The samples as a Table: time, then q.<joint>, qd.<joint> and with loads motor.<joint>; joints with several coordinates have
-    /// numbered columns.
+    /// The samples as a Table: time, then q.<joint>, qd.<joint>, with loads motor.<joint>, and with errors error.q.<joint> and
+    /// error.qd.<joint>; joints with several coordinates have numbered columns.
     #[getter]
     fn states(&self) -> Table {
         let chain = &self.plan.simulation.chain;
@@ -161,10 +214,16 @@ impl Run {
         if self.loads {
             columns.extend(motor_columns(chain));
         }
+        if self.error.is_some() {
+            columns.extend(error_columns(chain));
+        }
         let mut table = Table::new(columns).with_text(SCENE_KEY, &self.scene.scene.text);
         let mut forces = self.forces();
+        let mut errors = self.error.iter().flat_map(|error| &error.samples);
         for Moment { time, q, qd } in self.moments() {
-            table.push([*time].iter().chain(q).chain(qd).chain(forces.next().unwrap_or_default()).copied());
+            let forces = forces.next().unwrap_or_default();
+            let error = errors.next().map_or_else(Vec::new, |error| error_row(chain, error.as_ref()));
+            table.push([*time].iter().chain(q).chain(qd).chain(forces).chain(&error).copied());
         }
         table
     }
@@ -182,7 +241,7 @@ impl Run {
     }
 
     /// The events as a Table: time (s), kind, contact, mode of an impact, the impulse of all contacts px, py, pz (N s, world
-    /// axes), then q.<joint>, qd_minus.<joint>, qd_plus.<joint>.
+    /// axes), then q.<joint>, qd_minus.<joint>, qd_plus.<joint>, and with errors time_error (s).
     #[getter]
     fn event_table(&self) -> Table {
         let sim = &self.plan.simulation;
@@ -205,6 +264,8 @@ impl Run {
         for (head, positions) in [("q", true), ("qd_minus", false), ("qd_plus", false)] {
             columns.extend(coordinate_columns(&sim.chain, head, positions));
         }
+        columns.extend(self.error.as_ref().map(|_| Column::number("time_error").in_unit("s")));
+        let mut errors = self.error.iter().flat_map(|error| &error.events);
         let mut table = Table::new(columns).with_text(SCENE_KEY, &self.scene.scene.text);
         let code = |words: &[String], word: Option<String>| {
             word.and_then(|word| words.iter().position(|it| *it == word)).map_or(f64::NAN, |k| k as f64)
@@ -213,7 +274,8 @@ impl Run {
             let impulse: nalgebra::Vector3<f64> = event.impulses.iter().map(|one| one.what.impulse).sum();
             let head = [event.time, code(&kinds, kind(event)), code(&places, place(event)), code(&modes, mode(event))];
             let state = event.q.iter().chain(event.qd_minus).chain(event.qd_plus);
-            table.push(head.iter().chain(impulse.iter()).chain(state).copied());
+            let error = errors.next().map(|error| error.unwrap_or(f64::NAN));
+            table.push(head.iter().chain(impulse.iter()).chain(state).copied().chain(error));
         }
         table
     }
@@ -279,9 +341,11 @@ pub struct RunEvent {
     struck: Vec<String>,
     /// The derivatives of its time.
     time_by: Option<Vec<f64>>,
+    /// The estimated error of its time.
+    time_error: Option<f64>,
 }
 
-fields! { RunEvent { event, contact, contacts, reason, flags, struck, time_by } }
+fields! { RunEvent { event, contact, contacts, reason, flags, struck, time_by, time_error } }
 
 impl RunEvent {
     /// An event of this simulation.
@@ -290,7 +354,12 @@ impl RunEvent {
         let contact = contact.map(str::to_owned);
         let contacts = contacts.into_iter().map(str::to_owned).collect();
         let struck = impulses.iter().map(|one| one.contact.to_owned()).collect();
-        Self { contact, contacts, reason, flags, struck, event, time_by: None }
+        Self { contact, contacts, reason, flags, struck, event, time_by: None, time_error: None }
+    }
+
+    /// With the estimated error of its time.
+    pub fn with_error(self, time_error: Option<f64>) -> Self {
+        Self { time_error, ..self }
     }
 
     /// With the derivatives of its time that are among these, if there are any.
@@ -331,6 +400,9 @@ getters! { RunEvent, self, py {
     /// Derivatives of the time by the columns `Sensitivity.names`, shape (columns,), for the events of a Sensitivity; None for events of
     /// runs and where the derivatives have ended.
     time_by: Option<Array<'py>>, "_Vector | None" = self.time_by.as_ref().map(|by| list(py, by)).transpose()?;
+    /// The estimated error of the time, s, of a run with `simulate(error=True)`; else None, and for an event that runs with tighter
+    /// tolerances do not have.
+    time_error: Option<f64> = self.time_error;
     /// The loads on the joints, for the kinds "impact", "several", "latch" and "limit" of `simulate(loads=True)`; else None. A dict as of
     /// `Chain.impact_loads`, with motors_minus and motors_plus, the forces of the motors before and after (nv,), N m and N.
     loads: Option<Bound<'py, PyDict>>, "_EventLoads | None" = match self.event.loads.as_deref() {

@@ -7,8 +7,9 @@ use crate::error::raise;
 use crate::laws::GivenLaw;
 use crate::pickle::{Parts, Pickled, Sources, fields, tuple};
 use crate::text::{by_keys, changed_text, toml_text, written};
-use carom_sim::SimError;
+use crate::threads::left_behind;
 use carom_sim::path::add;
+use carom_sim::{Plan, SimError, ToAccuracy};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -210,6 +211,32 @@ impl Scene {
         Chain::new(self.scene.simulation.chain.clone(), Origin::Of(Arc::new(self.again())))
     }
 
+    /// The scene with the tolerance that meets its accuracy, and its plan.
+    ///
+    /// # Errors
+    /// `ValueError` for an accuracy and a controller with a rate; as [`carom_sim::Scene::to_accuracy`].
+    pub fn planned(&self, py: Python<'_>) -> PyResult<(Self, Plan)> {
+        if self.scene.accuracy.is_none() {
+            let plan = py.detach(|| self.scene.plan());
+            return Ok((self.again(), self.functions.pass(plan)?));
+        }
+        if self.functions.controller.as_ref().is_some_and(|it| it.rate().is_some()) {
+            return Err(PyValueError::new_err(
+                "[run] accuracy: the scene has a controller with a rate, whose error does not follow from the tolerance: give tolerance",
+            ));
+        }
+        let mut own = (*self.scene).clone();
+        let met = left_behind(py, move |stop| {
+            own.simulation.stop = Some(stop.clone());
+            own.to_accuracy()
+        })?;
+        let Some(ToAccuracy { mut scene, mut plan, .. }) = self.functions.pass(met)? else {
+            return Err(refuse("accuracy"));
+        };
+        (scene.simulation.stop, plan.simulation.stop) = (None, None);
+        Ok((self.other(scene), plan))
+    }
+
     /// The same scene.
     pub fn again(&self) -> Self {
         let Self { scene, functions, sources, changed } = self;
@@ -390,9 +417,9 @@ impl Scene {
     /// Raises:
     ///     SimulationError, ChainError: an invalid mesh, a singular mass matrix at the start.
     fn plan<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let plan = py.detach(|| self.scene.plan()).map_err(raise)?;
+        let (scene, plan) = self.planned(py)?;
         let dict = pythonize(py, &plan)?.cast_into::<PyDict>()?;
-        let chain = Chain::new(plan.simulation.chain.clone(), Origin::Of(Arc::new(Planned(self.again()))));
+        let chain = Chain::new(plan.simulation.chain.clone(), Origin::Of(Arc::new(Planned(scene))));
         dict.set_item("joints", chain.joint_names())?;
         Ok(dict)
     }

@@ -1,6 +1,6 @@
 //! Methods of `Scene` that run it.
 
-use crate::error::{exceptions, raise};
+use crate::error::exceptions;
 use crate::linear_run::LinearRun;
 use crate::run::{Run, Told};
 use crate::scene::Scene;
@@ -24,18 +24,27 @@ impl Scene {
     ///     sample: time between samples, s; by default that of the scene, or 0.004 s.
     ///     loads: computes the forces of the motors at each sample (`Run.motors`), and the loads on the joints at each impact
     ///         (`Run.loads`, `Event.loads`).
+    ///     error: estimates the errors of the samples, of the end and of the times of events, by one or two more runs with tighter tolerances
+    ///         (`Run.error`, `Run.q_error`, `Run.qd_error`, `Event.time_error`).
     ///
     /// Raises:
-    ///     SimulationError: an overlap at the start, a motion that cannot be continued. Exceptions of a law or a controller in
-    ///         Python are passed on as they are.
-    #[pyo3(signature = (*, sample=None, loads=false))]
-    fn simulate(&self, py: Python<'_>, sample: Option<f64>, loads: bool) -> PyResult<Run> {
+    ///     SimulationError: an overlap at the start, a motion that cannot be continued, an `accuracy` that no tolerance meets. Exceptions of a
+    ///         law or a controller in Python are passed on as they are.
+    ///     ValueError: `error` or an `accuracy` with a controller with a rate.
+    #[pyo3(signature = (*, sample=None, loads=false, error=false))]
+    fn simulate(&self, py: Python<'_>, sample: Option<f64>, loads: bool, error: bool) -> PyResult<Run> {
+        let (scene, plan) = self.planned(py)?;
         let every = sample.or(self.scene.sample).unwrap_or(SAMPLE);
         let sampling = Sampling { every: Some(every), dense: every > LOOK, loads };
         let rated = self.functions.controller.as_ref().and_then(|it| Some((it, it.rate()?)));
+        if error && rated.is_some() {
+            return Err(PyValueError::new_err(
+                "error: the scene has a controller with a rate, and what it does between its samples does not follow from the tolerance",
+            ));
+        }
+        let duration = self.scene.duration;
         let done = interruptible(py, |look| {
-            let plan = self.scene.plan()?;
-            let (mut seen, duration) = (Vec::new(), self.scene.duration);
+            let mut seen = Vec::new();
             let watch = &mut |it: Seen| {
                 look();
                 seen.extend(Told::of(&it));
@@ -44,10 +53,18 @@ impl Scene {
                 Some((controller, rate)) => controller.run((&plan, rate), duration, sampling, watch)?,
                 None => plan.stream(duration, sampling, watch)?,
             };
-            Ok((plan, seen, summary))
+            Ok((seen, summary))
         });
-        let (plan, seen, summary) = self.functions.pass(done?)?;
-        let run = Run::new(self.again(), plan, seen, summary, loads);
+        let (seen, summary) = self.functions.pass(done?)?;
+        let error = error.then(|| {
+            let (mut plan, told, end) = (plan.clone(), Told::events_and_moments(&seen), summary.clone());
+            left_behind(py, move |stop| {
+                plan.simulation.stop = Some(stop.clone());
+                plan.error_of((duration, Some(every)), (&told.0, &told.1, &end))
+            })
+        });
+        let error = error.transpose()?.map(|error| self.functions.pass(error)).transpose()?;
+        let run = Run::new(scene, plan, seen, summary, (loads, error));
         for warning in run.all_warnings() {
             let text = std::ffi::CString::new(warning).unwrap_or_default();
             PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
@@ -67,8 +84,9 @@ impl Scene {
                  without it, and set the joint forces with set_forces",
             ));
         }
-        let session = py.detach(|| self.scene.plan()?.start());
-        Ok(Session::new(self.functions.pass(session)?, self, self.functions.clone()))
+        let (scene, plan) = self.planned(py)?;
+        let session = py.detach(|| plan.start());
+        Ok(Session::new(self.functions.pass(session)?, &scene, self.functions.clone()))
     }
 
     /// The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters.
@@ -87,8 +105,8 @@ impl Scene {
     ///         error: see `Sensitivity.broken`.
     #[pyo3(signature = (wrt=None))]
     fn sensitivity(&self, py: Python<'_>, wrt: Option<Vec<String>>) -> PyResult<Sensitivity> {
-        let mut plan = py.detach(|| self.scene.plan()).map_err(raise)?;
-        let chosen = sensitivity::chosen(py, self, &plan, wrt)?;
+        let (scene, mut plan) = self.planned(py)?;
+        let chosen = sensitivity::chosen(py, &scene, &plan, wrt)?;
         let (duration, rows) = (self.scene.duration, plan.simulation.state_names());
         let found = left_behind(py, move |stop| {
             plan.simulation.stop = Some(stop.clone());
@@ -109,8 +127,8 @@ impl Scene {
     ///     SimulationError: as `sensitivity`; a run that is not differentiable, with time and reason.
     #[pyo3(signature = (wrt=None))]
     fn linear_run(&self, py: Python<'_>, wrt: Option<Vec<String>>) -> PyResult<LinearRun> {
-        let mut plan = py.detach(|| self.scene.plan()).map_err(raise)?;
-        let Columns { parameters, columns } = sensitivity::chosen(py, self, &plan, wrt)?;
+        let (scene, mut plan) = self.planned(py)?;
+        let Columns { parameters, columns } = sensitivity::chosen(py, &scene, &plan, wrt)?;
         let duration = self.scene.duration;
         let run = left_behind(py, move |stop| {
             plan.simulation.stop = Some(stop.clone());
@@ -133,11 +151,11 @@ impl Scene {
         if self.functions.controller.as_ref().is_some_and(|it| it.rate().is_some()) {
             return Err(PyValueError::new_err("the scene has a controller with a rate: simulate each start by itself"));
         }
-        let scene = self.scene.clone();
-        if scene.perturbation.is_none() {
+        if self.scene.perturbation.is_none() {
             return Err(exceptions::SimulationError::new_err(ALL_THE_SAME));
         }
-        let plan = py.detach(|| scene.plan()).map_err(raise)?;
+        let (scene, plan) = self.planned(py)?;
+        let scene = scene.scene.clone();
         let columns = run_columns(&scene, &plan);
         let width = columns.len();
         let mut own = (*scene).clone();

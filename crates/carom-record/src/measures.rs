@@ -20,6 +20,8 @@ pub(crate) const TIP: &str = "series/tip";
 pub(crate) const ENERGY: &str = "series/energy";
 pub(crate) const GAP: &str = "series/gap";
 pub(crate) const MOTOR: &str = "series/motor";
+/// Decimal logarithms of the estimated errors of q and of q̇.
+pub(crate) const ERROR: [&str; 2] = ["series/error/position", "series/error/velocity"];
 /// Magnitudes of the impulses through joints, and of their moments.
 pub(crate) const THROUGH: [&str; 2] = ["series/through/force", "series/through/moment"];
 
@@ -95,6 +97,12 @@ impl Measures {
     pub fn name_motors(sink: &Sink, chain: &Chain) -> Result<(), RecordError> {
         let [_, velocity] = coordinates(chain);
         fixed(sink, &MOTOR.into(), &lines(velocity))
+    }
+
+    /// Logs the names and colours of the errors, by the entries of qd.
+    pub fn name_errors(sink: &Sink, chain: &Chain) -> Result<(), RecordError> {
+        let [_, velocity] = coordinates(chain);
+        ERROR.iter().try_for_each(|entity| fixed(sink, &(*entity).into(), &lines(velocity.clone())))
     }
 
     /// Logs the names and colours of the impulses through these joints, which are points.

@@ -18,13 +18,13 @@ use crate::bounds::{Bounds, Eye, Outline, xyz};
 use crate::geometry::{self, Drawn, fixed, of_surface, transform};
 use crate::lasting::Lanes;
 use crate::layout::{self, Cursor, Tile};
-use crate::measures::{MOTOR, Measures, THROUGH};
+use crate::measures::{ERROR, MOTOR, Measures, THROUGH};
 use crate::target::{Sink, Target};
 use crate::{RecordError, round, summary};
 use carom_chain::algebra::{Pose, z_onto};
 use carom_chain::{Chain, Plane, Spatial, Workspace};
 use carom_contact::{Surface as Form, found_shapes};
-use carom_sim::{ContactImpulse, ContactState, Event, EventLoads, Moment, Plan, Scene, Seen, Summary};
+use carom_sim::{ContactImpulse, ContactState, Event, EventLoads, Moment, Plan, Scene, Seen, StateError, Summary};
 use nalgebra::{Matrix3, Vector3};
 use rerun::AsComponents;
 use std::collections::BTreeMap;
@@ -37,6 +37,8 @@ const REPLAY: f64 = 8.0;
 const LEAD: f64 = 0.05;
 /// Length of the arrow of the largest impulse, as a share of the size of the scene.
 const ARROW: f64 = 0.3;
+/// The least decimal logarithm of an error that is drawn: below it all is rounding.
+const LEAST: f64 = -17.0;
 /// Number of events with impulses after which a file fixes the scale of the arrows; later arrows are cut at three times the
 /// length.
 const HELD: usize = 1000;
@@ -67,6 +69,8 @@ pub struct SceneRecorder {
     lanes: Lanes,
     /// Whether forces of motors, and impulses through joints, were reported.
     loads: [bool; 2],
+    /// Whether errors were reported.
+    has_errors: bool,
     /// Time of the last moment whose lasting contacts were not reported: it has none.
     untold: Option<f64>,
     /// Time of the first event, s.
@@ -118,6 +122,7 @@ impl SceneRecorder {
             path: None,
             lanes: Lanes::of(&sim.touches),
             loads: [false; 2],
+            has_errors: false,
             untold: None,
             first: None,
             counts: BTreeMap::new(),
@@ -152,6 +157,28 @@ impl SceneRecorder {
             };
             self.failed = done.err();
         }
+    }
+
+    /// Records the estimated errors of these moments, as decimal logarithms. The first error ends the recording, as in [`SceneRecorder::see`].
+    pub fn errors(&mut self, moments: &[Moment], errors: &[Option<StateError>]) {
+        if self.failed.is_none() {
+            self.failed = self.log_errors(moments, errors).err();
+        }
+    }
+
+    fn log_errors(&mut self, moments: &[Moment], errors: &[Option<StateError>]) -> Result<(), RecordError> {
+        self.has_errors = true;
+        Measures::name_errors(&self.sink, &self.chain)?;
+        for (moment, error) in moments.iter().zip(errors) {
+            let Some(StateError { q, qd }) = error else { continue };
+            self.sink.rec.set_duration_secs("time", moment.time);
+            for (entity, errors) in ERROR.into_iter().zip([q, qd]) {
+                // A number that stays zero has no logarithm.
+                let numbers = errors.iter().map(|error| error.max(f64::MIN_POSITIVE).log10().max(LEAST));
+                now(&self.sink, entity.into(), &rerun::Scalars::new(numbers))?;
+            }
+        }
+        Ok(())
     }
 
     /// Records the summary of the run and closes. A file has its own name only after this.
@@ -244,6 +271,14 @@ impl SceneRecorder {
         if self.loads[1] {
             plots.push(layout::series("impulses through joints (N s)", "/series/through/force", true));
             plots.push(layout::series("their moments (N m s)", "/series/through/moment", true));
+        }
+        if self.has_errors {
+            plots.push(layout::series("log10 of the errors of positions (rad, m)", "/series/error/position", true));
+            plots.push(layout::series(
+                "log10 of the errors of velocities (rad/s, m/s)",
+                "/series/error/velocity",
+                true,
+            ));
         }
         plots.push(layout::states("contact", "/contact"));
         let mut rows = Vec::new();

@@ -41,6 +41,14 @@ pub enum SimError {
         /// Why.
         reason: String,
     },
+    /// The wish of an accuracy cannot be fulfilled.
+    #[error("[run] accuracy = {accuracy:e}: {why}")]
+    Accuracy {
+        /// The error that the numbers of the run may have.
+        accuracy: f64,
+        /// Why not, and what to do.
+        why: String,
+    },
     /// The normal direction is singular (nᵀHn = 0): no joint moves the contact point along it.
     #[error(
         "at this pose no joint moves '{link}' along the normal {n:?} (singular direction): the load would pass into \

@@ -53,3 +53,13 @@ fn methods_agree_on_random_scenes() {
 fn derivatives_of_random_runs_are_differences_or_told_to_be_missing() {
     holds("gradients");
 }
+
+#[test]
+fn errors_of_random_runs_are_at_most_ten_times_their_estimates() {
+    holds("errors");
+}
+
+#[test]
+fn accuracies_of_random_runs_are_met_or_refused() {
+    holds("accuracy");
+}

@@ -39,6 +39,7 @@ mod planar2_event;
 mod reference;
 mod rims;
 mod robots_in_scenes;
+mod run_errors;
 mod scale;
 mod scene_files;
 mod scenes;

@@ -39,8 +39,8 @@ pub use {
     diagram::{Mark, Shape, Stroke, Symbol},
     part::{Part, remove_unfinished, write_whole},
     scene_table::{
-        SCENE_KEY, STUDY_KEY, contact_columns, contact_row, coordinate_columns, event_table, load_columns, load_rows,
-        motor_columns, state_columns,
+        SCENE_KEY, STUDY_KEY, contact_columns, contact_row, coordinate_columns, error_columns, error_row, event_table,
+        load_columns, load_rows, motor_columns, state_columns,
     },
     table::Table,
 };

@@ -4,7 +4,7 @@ use crate::table::Column;
 use carom_chain::urdf::JointType;
 use carom_chain::{Chain, Coordinates};
 use carom_impact::Flags;
-use carom_sim::{ContactState, Event, NamedEvent, Simulation};
+use carom_sim::{ContactState, Event, NamedEvent, Simulation, StateError};
 use nalgebra::Vector3;
 
 /// Key of the scene's text in the metadata of Parquet tables.
@@ -52,6 +52,18 @@ pub fn motor_columns(chain: &Chain) -> Vec<Column> {
     let mut columns = coordinate_columns(chain, "motor", false);
     columns.iter_mut().for_each(|column| column.unit = if column.unit == "m/s" { "N" } else { "N m" });
     columns
+}
+
+/// The columns of the estimated errors of the state, by joint: of q, as a displacement, and of qd. They are the last ones of a table of states.
+pub fn error_columns(chain: &Chain) -> Vec<Column> {
+    let mut displaced = coordinate_columns(chain, "error.q", false);
+    displaced.iter_mut().for_each(|column| column.unit = column.unit.trim_end_matches("/s"));
+    displaced.into_iter().chain(coordinate_columns(chain, "error.qd", false)).collect()
+}
+
+/// The numbers of [`error_columns`]; NaN without an estimate.
+pub fn error_row(chain: &Chain, error: Option<&StateError>) -> Vec<f64> {
+    error.map_or_else(|| vec![f64::NAN; 2 * chain.nv()], |error| [&error.q[..], &error.qd].concat())
 }
 
 /// Kinds of the rows of a table of loads.
@@ -134,8 +146,8 @@ pub fn contact_row(time: f64, state: &ContactState) -> Vec<f64> {
 }
 
 /// The columns and rows of a table of events: a row for each event, of an event of several contacts for each of them; empty words
-/// and no numbers (NaN) where an event has none.
-pub fn event_table(chain: &Chain, events: &[NamedEvent]) -> (Vec<Column>, Vec<Vec<f64>>) {
+/// and no numbers (NaN) where an event has none. With errors the last column is `time_error`.
+pub fn event_table(chain: &Chain, events: &[NamedEvent], with_errors: bool) -> (Vec<Column>, Vec<Vec<f64>>) {
     let mut words: [Vec<String>; 4] = Default::default();
     let mut code = |column: usize, word: &str| {
         let known = &mut words[column];
@@ -169,6 +181,7 @@ pub fn event_table(chain: &Chain, events: &[NamedEvent]) -> (Vec<Column>, Vec<Ve
             ];
             vectors.iter().for_each(|v| row.extend(v.unwrap_or(Vector3::repeat(f64::NAN)).iter()));
             row.extend(event.qd_minus.iter().chain(event.qd_plus));
+            row.extend(with_errors.then_some(event.time_error.unwrap_or(f64::NAN)));
             rows.push(row);
         }
     }
@@ -188,5 +201,6 @@ pub fn event_table(chain: &Chain, events: &[NamedEvent]) -> (Vec<Column>, Vec<Ve
         columns.extend(names.map(|name| Column::number(name).in_unit(unit)));
     }
     columns.extend(["qd_minus", "qd_plus"].iter().flat_map(|head| coordinate_columns(chain, head, false)));
+    columns.extend(with_errors.then(|| Column::number("time_error").in_unit("s")));
     (columns, rows)
 }

@@ -26,6 +26,7 @@ pub use parameter::Parameter;
 pub(crate) use parameter::Place;
 pub use pd::Pd;
 pub use reference::Reference;
+pub(crate) use simulation::TOLERANCE;
 pub use simulation::{Integrator, Simulation};
 pub use spring::Spring;
 pub(crate) use spring::SpringAt;

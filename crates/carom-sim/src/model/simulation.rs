@@ -13,6 +13,9 @@ use nalgebra::Vector3;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// The tolerance of simulations and scenes that give none.
+pub(crate) const TOLERANCE: f64 = 1e-9;
+
 /// A chain with its possible contacts and the settings of its simulation.
 #[derive(Debug, Clone)]
 pub struct Simulation {
@@ -90,7 +93,7 @@ impl Simulation {
             loops: Vec::new(),
             effort_limits: false,
             start_time: 0.0,
-            tolerance: 1e-9,
+            tolerance: TOLERANCE,
             max_step: 0.1,
             zeno_time: 1e-5,
             contact_step: 1e-3,
@@ -116,6 +119,12 @@ impl Simulation {
     /// makes the formula of the accumulation inexact.
     pub fn zeno_time_for(tolerance: f64) -> f64 {
         (0.1 * tolerance).sqrt().clamp(1e-7, 1e-3)
+    }
+
+    /// Sets the tolerance, and the Zeno time in the ratio of those that belong to the tolerances.
+    pub(crate) fn set_tolerance(&mut self, tolerance: f64) {
+        self.zeno_time *= Self::zeno_time_for(tolerance) / Self::zeno_time_for(self.tolerance);
+        self.tolerance = tolerance;
     }
 
     /// The smallest gap of all touches at a configuration, m (rad for limits of revolute joints), with moving surfaces at

@@ -86,6 +86,10 @@ impl Scene {
     /// # Errors
     /// [`SimError`]: an invalid mesh, or a singular mass matrix at the start.
     pub fn plan(&self) -> Result<Plan, SimError> {
+        if let Some(accuracy) = self.accuracy {
+            let why = "simulate and plan choose a tolerance that meets it, other commands and functions do not: give tolerance".into();
+            return Err(SimError::Accuracy { accuracy, why });
+        }
         self.simulation.check(&self.q, &self.qd, self.duration, self.sample)?;
         let mut plan = Plan {
             simulation: self.simulation.clone(),
@@ -114,6 +118,13 @@ impl Scene {
 }
 
 impl Plan {
+    /// Tells why it has its tolerance.
+    pub(crate) fn because(mut self, accuracy: f64, error: f64) -> Self {
+        let why = format!("[run] accuracy = {accuracy:e}: the estimated error is {error:.1e}");
+        self.keep("accuracy", format!("tolerance {:.2e}", self.simulation.tolerance), why);
+        self
+    }
+
     fn keep(&mut self, what: &'static str, choice: impl Into<String>, why: impl Into<String>) {
         self.kept.push(Decision { what, choice: choice.into(), why: why.into() });
     }

@@ -93,7 +93,8 @@ pub(crate) fn leg(
         Err(SimError::Integration { reason, .. }) => (Some(reason), None),
         done => (None, Some(done?.step)),
     };
-    let Observer { found, y_before, reached, .. } = observer;
+    let Observer { found, y_before, reached, longest, .. } = observer;
+    statistics.longest_step = statistics.longest_step.max(longest);
     let time = if stalled.is_some() { reached } else { end };
     match found {
         None => Ok(LegEnd { time, y: y_before, fired: None, stalled, step, short }),

@@ -36,6 +36,7 @@ mod loads;
 mod modes;
 mod named;
 mod observer;
+mod run_error;
 mod run_state;
 mod sampler;
 mod sensitivity;
@@ -43,6 +44,8 @@ mod session;
 mod several;
 mod steps;
 mod stream;
+
+mod to_accuracy;
 mod trajectory;
 mod variation;
 
@@ -50,8 +53,10 @@ pub use columns::Columns;
 pub use follow::Broken;
 pub use linear_run::{ByOutcome, EventTime, LinearRun};
 pub use named::{AtContact, NamedEvent, UnderLaw};
+pub use run_error::{RunError, StateError};
 pub use sensitivity::Sensitivity;
 pub use session::{Advance, Session, SessionState};
+pub use to_accuracy::ToAccuracy;
 pub use trajectory::{
     EnergyBooks, Event, EventKind, EventLoads, Sampling, Seen, Segment, Statistics, StepReason, StopReason, Summary,
     Trajectory,

@@ -32,6 +32,9 @@ pub struct UnderLaw<'a> {
 pub struct NamedEvent<'a> {
     /// Time, s.
     pub time: f64,
+    /// The estimated error of the time, s, if it was asked for and there is one: of [`RunError::events`](super::RunError::events).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_error: Option<f64>,
     /// Name of the kind: [`EventKind::name`].
     pub kind: &'static str,
     /// The contact or the joint; `None` if the event belongs to none or to several.
@@ -82,6 +85,7 @@ impl Event {
         };
         NamedEvent {
             time: self.time,
+            time_error: None,
             kind: self.kind.name(),
             contact: match &self.kind {
                 EventKind::Limit { joint, .. } | EventKind::Joint { joint, .. } => Some(joint),

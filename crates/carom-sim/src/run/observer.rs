@@ -74,6 +74,8 @@ pub(crate) struct Observer<'a, 'b, 'c> {
     after: Vec<GuardValue>,
     buffer: Vec<f64>,
     pub found: Option<Crossing>,
+    /// The length of the longest step.
+    pub longest: f64,
     /// `None`: only the last state is needed.
     pub sampler: Option<&'a mut Sampler<'c>>,
 }
@@ -100,6 +102,7 @@ impl SolOut for Observer<'_, '_, '_> {
         let touches = self.system.0.borrow().flow.touches();
         let first = if touches { self.overlap((start, until), dense).or(first) } else { first };
         let until = first.map_or(end, |((time, _), _)| time);
+        self.longest = self.longest.max(until - start);
         if let Some(sampler) = &mut self.sampler {
             let (buffer, system) = (&mut self.buffer, self.system);
             let mut at = |time| {
@@ -156,7 +159,19 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         let levels = before.iter().map(level).collect();
         let (y_before, buffer) = (y.to_vec(), vec![0.0; y.len()]);
         let (after, earlier) = (Vec::new(), None);
-        Self { system, before, levels, y_before, reached: start, earlier, after, buffer, found: None, sampler }
+        Self {
+            system,
+            before,
+            levels,
+            y_before,
+            reached: start,
+            earlier,
+            after,
+            buffer,
+            found: None,
+            longest: 0.0,
+            sampler,
+        }
     }
 
     /// The first time in a part of the step at which bodies that touch begin to overlap, and the contact of their parts that was missed,

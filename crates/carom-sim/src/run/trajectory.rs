@@ -305,6 +305,8 @@ listed! {
 pub struct Statistics {
     /// Accepted integration steps.
     pub steps: usize,
+    /// Longest integration step, s.
+    pub longest_step: f64,
     /// Rejected integration steps.
     pub rejections: usize,
     /// Evaluations of the equation of motion.

@@ -61,6 +61,20 @@ impl Scene {
         })
     }
 
+    /// Sets all on which the error of the integration depends to that of another simulation, in the text, too.
+    pub(crate) fn set_accuracy(&mut self, of: &Simulation) -> Result<(), SimError> {
+        let own = &mut self.simulation;
+        (own.tolerance, own.zeno_time, own.max_step) = (of.tolerance, of.zeno_time, of.max_step);
+        let mut keys: toml::Table = self.text.parse().map_err(|e: toml::de::Error| refuse(e.to_string()))?;
+        if let Some(toml::Value::Table(run)) = keys.get_mut("run") {
+            run.remove("accuracy");
+            let numbers = [("tolerance", of.tolerance), ("zeno_time", of.zeno_time), ("max_step", of.max_step)];
+            run.extend(numbers.map(|(key, number)| (key.to_owned(), number.into())));
+        }
+        self.text = toml::to_string(&keys).map_err(|e| refuse(e.to_string()))?;
+        Ok(())
+    }
+
     fn with_keys(&self, change: impl FnOnce(&mut toml::Table) -> Result<(), SimError>) -> Result<Self, SimError> {
         let mut keys: toml::Table = self.text.parse().map_err(|e: toml::de::Error| refuse(e.to_string()))?;
         let robots = |keys: &toml::Table| keys.get("robot").map(Body::keys);

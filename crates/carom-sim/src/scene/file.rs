@@ -179,7 +179,8 @@ key_group! {
 
     pub(crate) struct Run needs [duration] {
         duration: f64,
-        tolerance: f64 = 1e-9,
+        tolerance: Option<f64>,
+        accuracy: Option<f64>,
         gravity: [f64; 3] = [0.0, 0.0, -9.81],
         sample: Option<f64>,
         max_step: Option<f64>,

@@ -24,7 +24,7 @@ pub use toml::from_toml;
 
 use crate::contact::{ContactRule, Surface, Touch, Touches};
 use crate::error::SimError;
-use crate::model::Simulation;
+use crate::model::{Simulation, TOLERANCE};
 use crate::state::{EQUAL, View};
 use carom_chain::Spatial;
 use carom_chain::input;
@@ -71,6 +71,8 @@ pub struct Scene {
     pub qd: Vec<f64>,
     /// Duration, s.
     pub duration: f64,
+    /// The error that the numbers of the run may have; `None` if the file gives a tolerance, or nothing. See [`Scene::to_accuracy`].
+    pub accuracy: Option<f64>,
     /// Interval between samples, s; `None` if the file has no `sample`.
     pub sample: Option<f64>,
     /// Random disturbances of the start; `None` if the file has no `perturb`.
@@ -198,6 +200,15 @@ impl Scene {
         if let Some(sample) = run.sample.filter(|sample| !(*sample > 0.0 && sample.is_finite())) {
             return Err(refuse(format!("[run] sample = {sample}: it must be positive and finite")));
         }
+        let tolerance = match (run.tolerance, run.accuracy) {
+            (Some(_), Some(_)) => {
+                return Err(refuse("[run] accuracy chooses the tolerance: give one of tolerance and accuracy".into()));
+            }
+            (_, Some(accuracy)) if !(accuracy > 0.0 && accuracy.is_finite()) => {
+                return Err(refuse(format!("[run] accuracy = {accuracy}: it must be positive and finite")));
+            }
+            (tolerance, _) => tolerance.unwrap_or(TOLERANCE),
+        };
         let simulation = Simulation {
             gravity: run.gravity.into(),
             drive,
@@ -206,9 +217,9 @@ impl Scene {
             wrenches,
             loops,
             effort_limits: run.effort_limits,
-            tolerance: run.tolerance,
+            tolerance,
             max_step: run.max_step.unwrap_or(0.1),
-            zeno_time: run.zeno_time.unwrap_or_else(|| Simulation::zeno_time_for(run.tolerance)),
+            zeno_time: run.zeno_time.unwrap_or_else(|| Simulation::zeno_time_for(tolerance)),
             contact_step: run.contact_step,
             several: several(contact).map_err(|why| refuse(format!("[contact] {why}")))?,
             stepping: run.method == Method::Steps,
@@ -243,6 +254,7 @@ impl Scene {
             q,
             qd,
             duration,
+            accuracy: run.accuracy,
             sample,
             perturbation,
             surfaces,

@@ -6,6 +6,7 @@ pub mod agreement;
 pub mod build;
 pub mod case;
 pub mod energy;
+pub mod errors;
 pub mod extremes;
 pub mod gradients;
 pub mod immobile;
@@ -128,6 +129,14 @@ pub const CENSUSES: &[Census] = &[
         many: 2000,
         judge: gradients::judge,
         cases: |seed| vec![gradients::case(seed).1],
+    },
+    Census { name: "errors", few: 32, many: 100_000, judge: errors::judge, cases: |seed| vec![errors::case(seed)] },
+    Census {
+        name: "accuracy",
+        few: 32,
+        many: 4000,
+        judge: errors::judge_accuracy,
+        cases: |seed| vec![errors::case(seed)],
     },
 ];
 

@@ -1,0 +1,64 @@
+//! `carom simulate --error` and scenes with an accuracy: what a run says of its own error.
+
+use crate::output::{brief, short};
+use carom_sim::{Broken, RunError, StateError, ToAccuracy};
+use serde::Serialize;
+use std::io::{self, Write};
+
+/// What met the accuracy that a scene asks for.
+#[derive(Serialize)]
+pub struct Accuracy {
+    asked: f64,
+    tolerance: f64,
+    error: f64,
+    evaluations: usize,
+}
+
+impl Accuracy {
+    pub fn of(asked: f64, found: &ToAccuracy) -> Self {
+        let tolerance = found.scene.simulation.tolerance;
+        Self { asked, tolerance, error: found.error, evaluations: found.evaluations }
+    }
+
+    pub fn for_people(&self, out: &mut dyn Write) -> io::Result<()> {
+        writeln!(
+            out,
+            "accuracy {}: met by the tolerance {}, with an estimated error of {}, after {} evaluations in all",
+            brief(self.asked),
+            brief(self.tolerance),
+            brief(self.error),
+            self.evaluations
+        )
+    }
+}
+
+/// The errors of the final state and the largest one of the times.
+pub fn for_people(error: &RunError, out: &mut dyn Write) -> io::Result<()> {
+    let two = |x: f64| format!("{x:.1e}");
+    let by: Vec<String> = error.tighter.iter().map(|tolerance| brief(*tolerance)).collect();
+    let by = match by.len() {
+        0 => String::new(),
+        1 => format!(", by a run with the tolerance {}", by[0]),
+        _ => format!(", by runs with the tolerances {}", by.join(" and ")),
+    };
+    if let Some(Broken { time, reason }) = &error.unknown {
+        return writeln!(out, "no estimate of the error: at {} s {reason}", short(*time));
+    }
+    writeln!(out, "estimated errors{by}:")?;
+    let numbers = |numbers: &[f64]| numbers.iter().map(|x| two(*x)).collect::<Vec<_>>().join(" ");
+    if let Some(StateError { q, qd }) = &error.last {
+        writeln!(out, "q  ± {}", numbers(q))?;
+        writeln!(out, "qd ± {}", numbers(qd))?;
+    }
+    let times = error.events.iter().flatten();
+    let (known, most) = times.fold((0, 0.0_f64), |(known, most), time| (known + 1, most.max(*time)));
+    let others = error.events.len() - known;
+    if known > 0 {
+        write!(out, "times of events ± {} s at most", two(most))?;
+        if others > 0 {
+            write!(out, "; {others} of {} are not in the runs with tighter tolerances", error.events.len())?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,158 @@
+//! Estimated errors of runs, and tolerances that meet an accuracy.
+
+use carom_sim::{Event, Moment, Plan, RunError, Sampling, Scene, Seen, SimError, Summary};
+use carom_testing::scenes::{changed, scene};
+use std::f64::consts::PI;
+
+/// A ball on a spring strikes a wall at the rest length of the spring: between impacts x = eᵏ x₀ |cos ωt|.
+const ON_SPRING: &str = r#"<robot name="ball"><link name="world"/>
+    <joint name="slide" type="prismatic"><parent link="world"/><child link="ball"/><axis xyz="1 0 0"/>
+        <limit lower="-9" upper="9" effort="1" velocity="9"/></joint>
+    <link name="ball"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+        <collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"#;
+/// √(k/m), 1/s, and the restitution.
+const OMEGA: f64 = 3.0;
+const RESTITUTION: f64 = 0.8;
+
+fn on_spring(run: &str) -> Result<Scene, SimError> {
+    let text = format!(
+        "[robot]\nurdf = \"ball.urdf\"\nq = [0.5]\n[[surface]]\nname = \"wall\"\nshape = {{ halfspace = {{ point = [-0.1, 0, 0], normal = [1, 0, 0] }} }}\n\
+         [[spring]]\njoint = \"slide\"\nstiffness = {}\n[contact]\nlaw = \"newton\"\nrestitution = {RESTITUTION}\nfriction = 0\n\
+         [run]\ngravity = [0, 0, 0]\n{run}",
+        2.0 * OMEGA * OMEGA
+    );
+    scene(&[("ball.urdf", ON_SPRING)], &text)
+}
+
+/// A run with its errors.
+fn estimated(plan: &Plan, duration: f64, every: Option<f64>) -> (Vec<Event>, Vec<Moment>, Summary, RunError) {
+    let (mut events, mut samples) = (Vec::new(), Vec::new());
+    let sampling = Sampling { every, ..Sampling::default() };
+    let summary = plan.stream(duration, sampling, &mut |seen| match seen {
+        Seen::Event(event) => events.push(event.clone()),
+        Seen::Moment(moment) => samples.push(moment.clone()),
+        _ => {}
+    });
+    let summary = summary.unwrap();
+    let error = plan.error_of((duration, every), (&events, &samples, &summary)).unwrap();
+    (events, samples, summary, error)
+}
+
+/// The time of the k-th impact, from 0.
+fn impact(k: usize) -> f64 {
+    (0.5 + k as f64) * PI / OMEGA
+}
+
+/// q and q̇ at a time.
+fn exact(time: f64) -> [f64; 2] {
+    let impacts = (0..).take_while(|&k| impact(k) <= time).count();
+    let size = 0.5 * RESTITUTION.powi(impacts as i32);
+    let sign = if impacts % 2 == 0 { 1.0 } else { -1.0 };
+    [sign * size * (OMEGA * time).cos(), -sign * size * OMEGA * (OMEGA * time).sin()]
+}
+
+/// Each error is at most ten times its estimate, as the closed form tells, and the largest is a third of its own at least.
+#[test]
+fn errors_of_a_ball_on_a_spring_are_those_of_its_closed_form() {
+    let plan = on_spring("duration = 5\ntolerance = 1e-7\n").unwrap().plan().unwrap();
+    let (events, samples, summary, error) = estimated(&plan, 5.0, Some(0.01));
+    assert_eq!((events.len(), error.tighter.as_slice(), &error.unknown), (5, &[0.1 * 1e-7][..], &None));
+    let (mut true_ones, mut estimates) = (Vec::new(), Vec::new());
+    for (k, (event, estimate)) in events.iter().zip(&error.events).enumerate() {
+        true_ones.push((event.time - impact(k)).abs());
+        estimates.push(estimate.unwrap());
+    }
+    let ends = samples.iter().chain([&summary.last]).zip(error.samples.iter().chain([&error.last]));
+    for (moment, estimate) in ends {
+        let [q, qd] = exact(moment.time);
+        // At an impact the motion jumps, and an error of its time is none of the state.
+        if events.iter().any(|event| (event.time - moment.time).abs() < 1e-6) {
+            continue;
+        }
+        let estimate = estimate.as_ref().unwrap();
+        true_ones.extend([(moment.q[0] - q).abs(), (moment.qd[0] - qd).abs()]);
+        estimates.extend([estimate.q[0], estimate.qd[0]]);
+    }
+    for (error, estimate) in true_ones.iter().zip(&estimates) {
+        assert!(*error <= 10.0 * estimate, "{error:e} {estimate:e}");
+    }
+    let largest = |numbers: &[f64]| numbers.iter().fold(0.0, |most: f64, x| most.max(*x));
+    assert!(largest(&true_ones) > 1e-9, "{:e}: the test would show nothing", largest(&true_ones));
+    assert!(largest(&estimates) < 3.0 * largest(&true_ones), "{:e} {:e}", largest(&true_ones), largest(&estimates));
+}
+
+/// A tighter tolerance adds impacts to an accumulation, and the end is compared all the same; at several corners a third run tells
+/// how much their order matters.
+#[test]
+fn accumulations_have_errors_though_their_impacts_are_others() {
+    let arm = changed("planar3", &[]).plan().unwrap();
+    let boxed = changed("box", &[]).plan().unwrap();
+    for (plan, duration, runs) in [(&arm, 0.8, 1), (&boxed, 2.0, 2)] {
+        let (events, _, _, error) = estimated(plan, duration, None);
+        assert!(events.iter().any(|event| event.kind.name() == "zeno"));
+        assert_eq!((error.tighter.len(), error.unknown), (runs, None));
+        assert!(error.last.is_some());
+    }
+}
+
+#[test]
+fn time_steps_have_no_estimate_and_tell_why() {
+    let scene = on_spring("duration = 1\nmethod = \"steps\"\n").unwrap();
+    let (_, samples, _, error) = estimated(&scene.plan().unwrap(), 1.0, Some(0.5));
+    let unknown = error.unknown.unwrap();
+    assert!(unknown.reason.contains("step_error"), "{unknown:?}");
+    assert_eq!((error.last, error.samples), (None, vec![None; samples.len()]));
+    let plan = on_spring("duration = 1\ntolerance = 1e-14\n").unwrap().plan().unwrap();
+    let summary = plan.stream(1.0, Sampling::default(), &mut |_| {}).unwrap();
+    let refused = plan.error_of((1.0, None), (&[], &[], &summary)).unwrap_err().to_string();
+    assert!(refused.contains("tolerance is 1e-14") && refused.contains("choose 1e-12 or more"), "{refused}");
+}
+
+/// The true error is below the accuracy that is asked for, and a run of the scene that is returned is the run that is returned.
+#[test]
+fn an_accuracy_is_met_by_a_tolerance_of_its_own() {
+    let mut before = f64::INFINITY;
+    for accuracy in [1e-4, 1e-6, 1e-8, 1e-10] {
+        let scene = on_spring(&format!("duration = 5\naccuracy = {accuracy:e}\n")).unwrap();
+        let met = scene.to_accuracy().unwrap().unwrap();
+        let tolerance = met.scene.simulation.tolerance;
+        assert!(tolerance <= before, "{accuracy:e}: {tolerance:e}");
+        before = tolerance;
+        let (last, [q, qd]) = (&met.summary.last, exact(5.0));
+        let states = [last.q[0] - q, last.qd[0] - qd];
+        let times = met.events.iter().enumerate().map(|(k, event)| event.time - impact(k));
+        let error = states.into_iter().chain(times).fold(0.0, |most: f64, x| most.max(x.abs()));
+        assert!(error <= accuracy && met.error <= accuracy, "{accuracy:e}: {error:e}, estimated {:e}", met.error);
+        let told = met.plan.kept.iter().find(|decision| decision.what == "accuracy").unwrap();
+        assert!(told.why.contains(&format!("{accuracy:e}")), "{told:?}");
+        let again = Scene::from_toml(&met.scene.text, &scene.folder);
+        // The files of the robot are gone with the folder of the test.
+        assert!(again.is_err() && met.scene.text.contains("tolerance") && !met.scene.text.contains("accuracy"));
+        let (events, _, summary, _) = estimated(&met.scene.plan().unwrap(), 5.0, None);
+        assert_eq!((&summary.last.q, &summary.last.qd), (&last.q, &last.qd));
+        assert!(events.iter().zip(&met.events).all(|(a, b)| a.time == b.time));
+    }
+}
+
+#[test]
+fn an_accuracy_that_is_not_met_is_refused_with_the_reason() {
+    let refused = |run: &str| match on_spring(run) {
+        Err(why) => why.to_string(),
+        Ok(scene) => scene.to_accuracy().unwrap_err().to_string(),
+    };
+    let cases = [
+        ("duration = 5\naccuracy = 1e-16\n", "rounding prevents"),
+        ("duration = 5\naccuracy = -1\n", "accuracy = -1: it must be positive and finite"),
+        ("duration = 5\naccuracy = 1e-6\ntolerance = 1e-9\n", "give one of tolerance and accuracy"),
+        ("duration = 5\naccuracy = 1e-6\nmethod = \"steps\"\n", "time steps begin"),
+    ];
+    for (run, why) in cases {
+        let refused = refused(run);
+        assert!(refused.contains(why), "{refused}");
+    }
+    // What knows no accuracy does not ignore it.
+    let scene = on_spring("duration = 5\naccuracy = 1e-6\n").unwrap();
+    let refused = scene.plan().unwrap_err().to_string();
+    assert!(refused.contains("accuracy = 1e-6") && refused.contains("give tolerance"), "{refused}");
+    assert!(on_spring("duration = 5\n").unwrap().to_accuracy().unwrap().is_none());
+}
