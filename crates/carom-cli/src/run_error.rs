@@ -34,7 +34,7 @@ impl Accuracy {
 
 /// The errors of the final state and the largest one of the times.
 pub fn for_people(error: &RunError, out: &mut dyn Write) -> io::Result<()> {
-    let two = |x: f64| format!("{x:.1e}");
+    let two = |x: f64| if x == 0.0 { "0".to_owned() } else { format!("{x:.1e}") };
     let by: Vec<String> = error.tighter.iter().map(|tolerance| brief(*tolerance)).collect();
     let by = match by.len() {
         0 => String::new(),

@@ -42,6 +42,7 @@ fn general(column: &str) -> String {
     let mut parts = column.split('.');
     match (parts.next(), parts.next(), parts.next()) {
         (Some("motor"), Some(_), _) => "motor.JOINT".into(),
+        (Some("error"), Some(of), Some(_)) => format!("error.{of}.JOINT"),
         (Some(head @ ("q" | "qd")), Some(_), None) => format!("{head}.JOINT"),
         (Some(head @ ("q" | "qd")), Some(_), Some(_)) => format!("{head}.JOINT.K"),
         _ => column.to_owned(),
@@ -51,7 +52,7 @@ fn general(column: &str) -> String {
 #[test]
 fn columns_of_events_are_those_of_the_page() {
     let (page, desk) = (page("reference-output.md"), folder());
-    carom(&desk, "simulate scenes/planar2.toml --events e.csv");
+    carom(&desk, "simulate scenes/planar2.toml --error --events e.csv");
     let general = |column: &String| column.split_once('.').map_or(column.clone(), |(head, _)| format!("{head}.JOINT"));
     let seen: BTreeSet<String> = header(&desk.join("e.csv")).iter().map(general).collect();
     assert_eq!(seen, named(&page, "## Events").into_iter().collect());
@@ -62,7 +63,7 @@ fn columns_of_a_simulation_are_those_of_the_page() {
     let (page, desk) = (page("reference-output.md"), folder());
     let mut seen = BTreeSet::new();
     for scene in ["planar2", "bounce"] {
-        carom(&desk, &format!("simulate scenes/{scene}.toml --loads --csv {scene}.csv"));
+        carom(&desk, &format!("simulate scenes/{scene}.toml --loads --error --csv {scene}.csv"));
         seen.extend(header(&desk.join(format!("{scene}.csv"))).iter().map(|column| general(column)));
     }
     assert_eq!(seen, named(&page, "## Simulation").into_iter().collect());
@@ -196,6 +197,9 @@ fn keys_of_answers_are_those_of_the_page() {
     let ball = std::fs::read_to_string(desk.join("studies/atlas/ball.toml")).unwrap();
     let ball = ball.replace("ball_scene.toml", "studies/atlas/ball_scene.toml").replace("points = 200", "points = 2");
     std::fs::write(desk.join("small.toml"), ball).unwrap();
+    let arm = std::fs::read_to_string(desk.join("scenes/planar3.toml")).unwrap();
+    std::fs::write(desk.join("accurate.toml"), arm.replace("[run]", "[run]\naccuracy = 1e-6").replace("../", ""))
+        .unwrap();
     std::fs::create_dir(desk.join("own")).unwrap();
     std::fs::write(desk.join("own/scene.toml"), scene).unwrap();
     let robot = "robots/planar2.urdf --tip tip --states - --json";
@@ -213,7 +217,13 @@ fn keys_of_answers_are_those_of_the_page() {
         ("law", vec![("law --law poisson --restitution 0.5 --friction 0.5 --problems - --json".into(), kane)]),
         ("map", vec![("map studies/self_motion.toml --advise --json".into(), "")]),
         ("plan", vec![("plan own/scene.toml --json".into(), "")]),
-        ("simulate", vec![("simulate scenes/planar2.toml --sensitivity --loads --json".into(), "")]),
+        (
+            "simulate",
+            vec![
+                ("simulate scenes/planar2.toml --sensitivity --loads --json".into(), ""),
+                ("simulate accurate.toml --error --json".into(), ""),
+            ],
+        ),
         (
             "aim",
             vec![

@@ -602,3 +602,42 @@ def test_a_recording_stream_gets_what_the_file_has_and_keeps_its_own(bounce, tmp
 def test_a_recording_goes_to_a_path_or_a_stream(bounce, to):
     with pytest.raises(TypeError, match="RecordingStream"):
         carom.record(bounce, to)
+
+
+def test_errors_of_a_run_hold_against_a_tighter_one():
+    scene = carom.Scene.from_file(SCENES / "planar3.toml")
+    run = scene.simulate(error=True)
+    exact = scene.with_keys({"run.tolerance": 1e-12}).simulate()
+    assert run.error["tighter"] == [pytest.approx(1e-10)] and "unknown" not in run.error
+    nv = run.chain.nv
+    assert run.q_error.shape == run.qd_error.shape == (len(run.time), nv)
+    # At the time of an event the sample is before it in one run and may be after it in the other.
+    calm = np.min(np.abs(run.time[:, None] - [event.time for event in run.events]), axis=1) > 1e-6
+    assert np.all(np.abs(run.q - exact.q)[calm] <= 10 * run.q_error[calm])
+    assert np.all(np.abs(run.qd - exact.qd)[calm] <= 10 * run.qd_error[calm])
+    np.testing.assert_array_equal(run.q_error[-1], run.error["final"]["q"])
+    first, true = run.events[0], exact.events[0]
+    assert abs(first.time - true.time) <= 10 * first.time_error
+    names = run.states.columns
+    assert [name for name in names if name.startswith("error.")][0].startswith("error.q.")
+    assert "time_error" in run.event_table.columns
+    again = pickle.loads(pickle.dumps(run))
+    assert again.error == run.error and again.events[0].time_error == first.time_error
+    plain = scene.simulate()
+    assert plain.error is None and plain.events[0].time_error is None
+    with pytest.raises(ValueError, match="error=True"):
+        plain.q_error
+
+
+def test_a_scene_with_an_accuracy_chooses_its_tolerance():
+    text = (SCENES / "planar3.toml").read_text().replace("[run]", "[run]\naccuracy = 1e-6")
+    scene = carom.Scene.from_toml(text, folder=SCENES)
+    run = scene.simulate(error=True)
+    largest = max(*run.error["final"]["q"], *run.error["final"]["qd"])
+    assert 1e-12 < largest < 1e-6
+    decisions = {decision["what"]: decision for decision in scene.plan()["kept"]}
+    assert "accuracy = 1e-6" in decisions["accuracy"]["why"]
+    assert scene.sensitivity(wrt=["q"]).broken is None
+    strict = carom.Scene.from_toml(text.replace("1e-6", "1e-17"), folder=SCENES)
+    with pytest.raises(carom.SimulationError, match="rounding prevents"):
+        strict.simulate()

@@ -342,3 +342,61 @@ fn printed_events_say_what_happened() {
     let kinds = |kind: &str| events.iter().filter(|event| event["kind"] == kind).count();
     assert!(row.matches(" zeno ").count() < kinds("zeno"), "two corners that come to rest together are one row");
 }
+
+/// The same estimates in the answer, in both tables and for people; without the option there are none of them.
+#[test]
+fn errors_of_a_run_are_in_the_answer_and_in_tables() {
+    let desk = Desk::new();
+    desk.scene(|text| text);
+    let answer = &desk.answers("simulate s.toml --error --json --out x.csv --events e.csv", "")[0];
+    let error = &answer["error"];
+    assert_eq!(error["tighter"].as_array().unwrap().len(), 1);
+    let table = std::fs::read_to_string(desk.0.join("x.csv")).unwrap();
+    let header = "time,q.shoulder,q.elbow,qd.shoulder,qd.elbow,error.q.shoulder,error.q.elbow,error.qd.shoulder,error.qd.elbow\n";
+    assert!(table.starts_with(header), "{table}");
+    let last: Vec<f64> = table.lines().last().unwrap().split(',').map(|x| x.parse().unwrap()).collect();
+    let of = |key: &str| error["final"][key].as_array().unwrap().iter().map(|x| x.as_f64().unwrap());
+    let whole: Vec<f64> = of("q").chain(of("qd")).collect();
+    assert!(last[5..] == whole && whole.iter().all(|x| *x > 0.0 && *x < 1e-9), "{last:?} {whole:?}");
+    let events = std::fs::read_to_string(desk.0.join("e.csv")).unwrap();
+    let time_error = answer["events"][0]["time_error"].as_f64().unwrap();
+    assert!(events.lines().next().unwrap().ends_with(",time_error"));
+    assert_eq!(events.lines().nth(1).unwrap().rsplit(',').next().unwrap().parse::<f64>(), Ok(time_error));
+    let told = desk.run("simulate s.toml --error").out;
+    assert!(
+        told.contains("estimated errors, by a run with the tolerance") && told.contains("times of events ±"),
+        "{told}"
+    );
+    let plain = &desk.answers("simulate s.toml --json", "")[0];
+    assert!(plain["error"].is_null() && plain["events"][0]["time_error"].is_null());
+    desk.scene(|text| text.replace("[run]", "[run]\nmethod = \"steps\""));
+    let told = desk.run("simulate s.toml --error").out;
+    assert!(told.contains("no estimate of the error: at 0 s time steps begin"), "{told}");
+}
+
+#[test]
+fn a_scene_with_an_accuracy_has_a_tolerance_of_its_own() {
+    let desk = Desk::new();
+    let accurate = |accuracy: &str| {
+        desk.scene(|text| {
+            text.replace("tolerance = 1e-9\n", "").replace("[run]", &format!("[run]\naccuracy = {accuracy}"))
+        });
+    };
+    accurate("1e-8");
+    let answer = &desk.answers("simulate s.toml --json", "")[0];
+    let accuracy = &answer["accuracy"];
+    assert_eq!(accuracy["asked"].as_f64(), Some(1e-8));
+    assert!(accuracy["error"].as_f64().unwrap() <= 1e-8 && accuracy["tolerance"].as_f64().unwrap() > 0.0);
+    let plan = desk.run("plan s.toml").out;
+    assert!(plan.contains("accuracy = 1e-8"), "{plan}");
+    // Sampled and not, it is the same run.
+    let sampled = &desk.answers("simulate s.toml --json --out x.csv", "")[0];
+    assert_eq!((&sampled["final"], &sampled["events"]), (&answer["final"], &answer["events"]));
+    accurate("1e-17");
+    let refused = desk.run("simulate s.toml");
+    let words = ["s.toml", "accuracy = 1e-17", "rounding prevents", "ask for less"];
+    assert!(refused.code == Some(1) && words.iter().all(|word| refused.err.contains(word)), "{}", refused.err);
+    accurate("1e-8\ntolerance = 1e-9");
+    let refused = desk.run("simulate s.toml");
+    assert!(refused.code == Some(1) && refused.err.contains("give one of tolerance and accuracy"), "{}", refused.err);
+}
