@@ -5,7 +5,6 @@ use crate::files::{self, Kind, Outputs};
 use crate::from_state;
 use crate::impact::loads_for_people;
 use crate::output::{Printed, answer, say, short};
-use crate::plan::moving_joints;
 use crate::record::{Record, Recorder};
 use crate::run_error::{self, Accuracy};
 use crate::runs;
@@ -13,8 +12,7 @@ use crate::scene::load;
 use crate::sensitivity::{self, Sensitivity};
 use carom_impact::Mode;
 use carom_sim::{
-    AtContact, ContactMode, ContactState, EnergyBooks, EventLoads, Moment, NamedEvent, RunError, Sampling, Seen,
-    Statistics, StopReason, Summary, UnderLaw,
+    EventLoads, Moment, NamedEvent, NamedRun, RunError, Sampling, Seen, Statistics, StopReason, Summary, UnderLaw,
 };
 use carom_study::{
     Column, SCENE_KEY, Table, TableError, contact_columns, contact_row, error_columns, error_row, event_table,
@@ -158,26 +156,14 @@ pub struct Simulate {
 
 #[derive(Serialize)]
 struct Answer<'a> {
-    joints: Vec<&'a str>,
-    stop_reason: StopReason,
-    mode: ContactMode,
-    events: Vec<NamedEvent<'a>>,
-    r#final: Last<'a>,
-    energy: EnergyBooks,
-    statistics: Statistics,
+    #[serde(flatten)]
+    run: NamedRun<'a>,
     #[serde(skip_serializing_if = "Option::is_none")]
     accuracy: Option<Accuracy>,
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<RunError>,
     #[serde(skip_serializing_if = "Option::is_none")]
     sensitivity: Option<Sensitivity>,
-}
-
-#[derive(Serialize)]
-struct Last<'a> {
-    #[serde(flatten)]
-    moment: &'a Moment,
-    contacts: Vec<AtContact<'a, ContactState>>,
 }
 
 /// The statistics and what they say, for the help.
@@ -321,10 +307,10 @@ impl Simulate {
         states.finish()?;
         contacts.finish()?;
         joint_loads.finish()?;
-        let mut named: Vec<NamedEvent> = events.iter().map(|event| event.named(&sim.touches)).collect();
+        let mut named = run.named(sim, &events);
         let errors = error.iter().flat_map(|error| &error.events);
-        named.iter_mut().zip(errors).for_each(|(event, error)| event.time_error = *error);
-        let (columns, rows) = event_table(&sim.chain, &named, self.error);
+        named.events.iter_mut().zip(errors).for_each(|(event, error)| event.time_error = *error);
+        let (columns, rows) = event_table(&sim.chain, &named.events, self.error);
         let mut table = Tables::begin(of_events.map(|path| printed.place(path)), &columns, &scene.text)?;
         rows.iter().for_each(|row| table.row(row));
         table.finish()?;
@@ -337,23 +323,9 @@ impl Simulate {
         if printed.is_asked() {
             return printed.print(out);
         }
-        let whole = Answer {
-            joints: moving_joints(&plan),
-            stop_reason: run.stop,
-            mode: run.mode,
-            events: named,
-            r#final: Last {
-                moment: &run.last,
-                contacts: run.contacts.iter().map(|state| state.named(&sim.touches)).collect(),
-            },
-            energy: run.energy,
-            statistics: run.statistics,
-            accuracy,
-            error,
-            sensitivity: derivatives,
-        };
+        let whole = Answer { run: named, accuracy, error, sensitivity: derivatives };
         let written = answer(out, &whole, self.json, |whole, out| {
-            for_people(&whole.events, &run, out)?;
+            for_people(&whole.run.events, &run, out)?;
             whole.accuracy.as_ref().map_or(Ok(()), |accuracy| accuracy.for_people(out))?;
             whole.error.as_ref().map_or(Ok(()), |error| run_error::for_people(error, out))?;
             whole.sensitivity.as_ref().map_or(Ok(()), |derivatives| derivatives.for_people(out))

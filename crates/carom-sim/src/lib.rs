@@ -65,7 +65,7 @@ pub use state::{ContactImpulse, LinearFunction, Moment, Profile};
 #[doc(hidden)]
 pub use {
     motion::free_motion_at,
-    run::{AtContact, NamedEvent, UnderLaw},
+    run::{AtContact, NamedEvent, NamedRun, UnderLaw},
     scene::{from_toml, keys, path},
     state::state_variables,
 };

@@ -52,7 +52,7 @@ mod variation;
 pub use columns::Columns;
 pub use follow::Broken;
 pub use linear_run::{ByOutcome, EventTime, LinearRun};
-pub use named::{AtContact, NamedEvent, UnderLaw};
+pub use named::{AtContact, NamedEvent, NamedRun, UnderLaw};
 pub use run_error::{RunError, StateError};
 pub use sensitivity::Sensitivity;
 pub use session::{Advance, Session, SessionState};

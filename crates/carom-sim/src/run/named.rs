@@ -1,10 +1,12 @@
 //! Events and contacts with the names of their contacts, as they are written.
 
-use super::trajectory::{Event, EventKind, EventLoads};
-use crate::contact::Touch;
+use super::trajectory::{EnergyBooks, Event, EventKind, EventLoads, Statistics, StopReason, Summary};
+use crate::contact::{ContactMode, Touch};
 use crate::impact::ChainImpact;
+use crate::model::Simulation;
 use crate::motion::ContactState;
-use crate::state::ContactImpulse;
+use crate::state::{ContactImpulse, Moment};
+use carom_chain::Coordinates;
 use serde::Serialize;
 
 /// What happens at a contact, with the contact's name.
@@ -119,5 +121,52 @@ impl ContactState {
     /// The lasting contact with its name, of those of its [`Simulation::touches`](crate::Simulation::touches).
     pub fn named<'a>(&'a self, touches: &'a [Touch]) -> AtContact<'a, Self> {
         AtContact { contact: &touches[self.touch].name, what: self }
+    }
+}
+
+/// A whole run with the names of its joints and contacts, as the command line and the C API write it.
+#[derive(Debug, Clone, Serialize)]
+pub struct NamedRun<'a> {
+    /// The joints with entries in q.
+    pub joints: Vec<&'a str>,
+    /// Why the run has ended.
+    pub stop_reason: StopReason,
+    /// Contact mode at the end.
+    pub mode: ContactMode,
+    /// The events in the order of time.
+    pub events: Vec<NamedEvent<'a>>,
+    /// State and lasting contacts at the end.
+    pub r#final: NamedEnd<'a>,
+    /// Energy balance.
+    pub energy: EnergyBooks,
+    /// Statistics of the solvers.
+    pub statistics: Statistics,
+}
+
+/// The end of a run.
+#[derive(Debug, Clone, Serialize)]
+pub struct NamedEnd<'a> {
+    /// Time and state.
+    #[serde(flatten)]
+    pub moment: &'a Moment,
+    /// The lasting contacts.
+    pub contacts: Vec<AtContact<'a, ContactState>>,
+}
+
+#[doc(hidden)]
+impl Summary {
+    /// The run of this simulation with its events and with names.
+    pub fn named<'a>(&'a self, sim: &'a Simulation, events: &'a [Event]) -> NamedRun<'a> {
+        let own = |joint: &&carom_chain::JointInfo| matches!(joint.coordinates, Coordinates::Own { .. });
+        let contacts = self.contacts.iter().map(|state| state.named(&sim.touches)).collect();
+        NamedRun {
+            joints: sim.chain.joints().iter().filter(own).map(|joint| joint.name.as_str()).collect(),
+            stop_reason: self.stop,
+            mode: self.mode,
+            events: events.iter().map(|event| event.named(&sim.touches)).collect(),
+            r#final: NamedEnd { moment: &self.last, contacts },
+            energy: self.energy,
+            statistics: self.statistics,
+        }
     }
 }
