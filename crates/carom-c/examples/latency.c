@@ -17,6 +17,7 @@
 #define NANOSECONDS 1000000 /* times above 1 ms are counted together */
 
 static uint64_t counts[NANOSECONDS + 1];
+static double largest;
 
 static void check(carom_status status) {
     if (status != CAROM_OK) {
@@ -41,6 +42,16 @@ static double quantile(double share, uint64_t all) {
         }
     }
     return NANOSECONDS;
+}
+
+static void count(uint64_t took) {
+    counts[took < NANOSECONDS ? took : NANOSECONDS]++;
+    largest = fmax(largest, (double)took);
+}
+
+static void print_quantiles(const char *what, uint64_t all) {
+    printf("%s: median %.2f us, p99 %.2f us, p99.9 %.2f us, p99.99 %.2f us, largest %.2f us\n", what, quantile(0.5, all) / 1e3,
+           quantile(0.99, all) / 1e3, quantile(0.999, all) / 1e3, quantile(0.9999, all) / 1e3, largest / 1e3);
 }
 
 static void print_processor(void) {
@@ -107,7 +118,6 @@ int main(int argc, char **argv) {
     }
 
     /* A tenth of the calls warms up. The states come in the order of a step that is prime to their number. */
-    double largest = 0;
     for (uint64_t n = 0; n < all + all / 10; n++) {
         const size_t k = (size_t)(n * 337 % STATES);
         const uint64_t start = now();
@@ -117,14 +127,11 @@ int main(int argc, char **argv) {
             check(status);
         }
         if (n >= all / 10) {
-            counts[took < NANOSECONDS ? took : NANOSECONDS]++;
-            largest = fmax(largest, (double)took);
+            count(took);
         }
     }
-
     printf("%s, %llu strikes, law %s with friction, clock included\n", carom_chain_name(arm), (unsigned long long)all, law_name);
-    printf("median %.2f us, p99 %.2f us, p99.9 %.2f us, p99.99 %.2f us, largest %.2f us\n", quantile(0.5, all) / 1e3, quantile(0.99, all) / 1e3,
-           quantile(0.999, all) / 1e3, quantile(0.9999, all) / 1e3, largest / 1e3);
+    print_quantiles("strike", all);
     printf("        us   strikes\n");
     for (size_t from = 0, to = 250; from <= NANOSECONDS; from = to, to *= 2) {
         uint64_t sum = 0;
@@ -139,6 +146,32 @@ int main(int argc, char **argv) {
             printf("\n");
         }
     }
+
+    /* What the machine adds: a loop without the library that takes as long as the median strike. */
+    const double median = quantile(0.5, all);
+    volatile double sum = 0;
+    unsigned turns = 1;
+    for (uint64_t took = 0; took < median; turns += turns / 8 + 1) {
+        took = NANOSECONDS;
+        for (int again = 0; again < 100; again++) { /* the least of them */
+            const uint64_t start = now();
+            for (unsigned i = 0; i < turns; i++) {
+                sum = sum + 1;
+            }
+            const uint64_t own = now() - start;
+            took = own < took ? own : took;
+        }
+    }
+    memset(counts, 0, sizeof counts);
+    largest = 0;
+    for (uint64_t n = 0; n < all; n++) {
+        const uint64_t start = now();
+        for (unsigned i = 0; i < turns; i++) {
+            sum = sum + 1;
+        }
+        count(now() - start);
+    }
+    print_quantiles("additions of the same length, without the library", all);
     free(q);
     free(qd);
     free(qd_plus);
