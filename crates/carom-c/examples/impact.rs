@@ -1,5 +1,7 @@
 //! The impact of `impact.c` by the Rust library, with the same lines. Usage: impact ROBOT.urdf
 
+#![expect(clippy::approx_constant, reason = "the digits of the tutorial")]
+
 use carom_sim::Impacts;
 
 fn print(name: &str, numbers: &[f64]) {

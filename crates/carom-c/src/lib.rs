@@ -6,6 +6,8 @@
 
 // The contract of all functions is at the head of the header.
 #![allow(clippy::missing_safety_doc, clippy::too_many_arguments)]
+// The comments are those of the header: brackets are those of C and of directives for cbindgen.
+#![allow(rustdoc::broken_intra_doc_links)]
 
 #[macro_use]
 mod border;

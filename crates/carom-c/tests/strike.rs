@@ -87,7 +87,7 @@ fn a_batch_has_the_digits_of_single_strikes_and_names_the_states_that_are_refuse
     let strike = strike(&arm, "tip", [-1.0, 0.0, 0.0], None);
     let (mut q, qd) = states(2, 6);
     // Stretched along the normal, which no joint can move.
-    q[3] = vec![0.0, 0.0];
+    (q[3], q[5]) = (vec![0.0, 0.0], vec![0.0, 0.0]);
     let (flat_q, flat_qd) = (q.concat(), qd.concat());
     let (mut out, mut hits) = ([-7.0; 12], [blank(); 6]);
     // SAFETY: valid arguments.
@@ -113,7 +113,7 @@ fn a_batch_has_the_digits_of_single_strikes_and_names_the_states_that_are_refuse
         if status == Status::CAROM_OK {
             assert_eq!((&out[2 * k..][..2], hits[k].impulse), (&qd_plus[..], hit.impulse));
         } else {
-            assert!(k == 3 && out[6].is_nan() && hits[3].impulse[0].is_nan());
+            assert!((k == 3 || k == 5) && out[2 * k].is_nan() && hits[k].impulse[0].is_nan());
             // A strike that is refused leaves the memory of the caller as it was.
             assert_eq!((qd_plus, hit.energy_after), (vec![-7.0; 2], -7.0));
         }
