@@ -18,6 +18,7 @@
 
 static uint64_t counts[NANOSECONDS + 1];
 static double largest;
+static uint64_t least[STATES]; /* of each state */
 
 static void check(carom_status status) {
     if (status != CAROM_OK) {
@@ -128,10 +129,16 @@ int main(int argc, char **argv) {
         }
         if (n >= all / 10) {
             count(took);
+            least[k] = least[k] == 0 || took < least[k] ? took : least[k];
         }
     }
     printf("%s, %llu strikes, law %s with friction, clock included\n", carom_chain_name(arm), (unsigned long long)all, law_name);
     print_quantiles("strike", all);
+    uint64_t slowest = 0;
+    for (size_t k = 0; k < STATES; k++) {
+        slowest = least[k] > slowest ? least[k] : slowest;
+    }
+    printf("slowest of %d states, by the least of its times: %.2f us\n", STATES, (double)slowest / 1e3);
     printf("        us   strikes\n");
     for (size_t from = 0, to = 250; from <= NANOSECONDS; from = to, to *= 2) {
         uint64_t sum = 0;

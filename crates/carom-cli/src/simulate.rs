@@ -11,9 +11,7 @@ use crate::runs;
 use crate::scene::load;
 use crate::sensitivity::{self, Sensitivity};
 use carom_impact::Mode;
-use carom_sim::{
-    EventLoads, Moment, NamedEvent, NamedRun, RunError, Sampling, Seen, Statistics, StopReason, Summary, UnderLaw,
-};
+use carom_sim::{EventLoads, Moment, NamedEvent, NamedRun, RunError, Sampling, Seen, Statistics, Summary, UnderLaw};
 use carom_study::{
     Column, SCENE_KEY, Table, TableError, contact_columns, contact_row, error_columns, error_row, event_table,
     load_columns, load_rows, motor_columns, state_columns,
