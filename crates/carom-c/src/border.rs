@@ -345,18 +345,6 @@ impl HeldStrike {
     }
 }
 
-/// What several threads may use at the same time, and what may move to another thread: the rules of the header.
-const _: () = {
-    const fn shared<T: Send + Sync>() {}
-    const fn moved<T: Send>() {}
-    shared::<crate::Chain>();
-    shared::<crate::Law>();
-    shared::<crate::Scene>();
-    moved::<crate::Dynamics>();
-    moved::<crate::Strike>();
-    moved::<crate::Session>();
-};
-
 #[cfg(test)]
 mod tests {
     use super::*;

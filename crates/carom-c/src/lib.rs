@@ -29,3 +29,15 @@ pub use law::*;
 pub use scene::*;
 pub use session::*;
 pub use strike::*;
+
+// What several threads may use at the same time, and what may move to another thread: the rules of the header.
+const _: () = {
+    const fn shared<T: Send + Sync>() {}
+    const fn moved<T: Send>() {}
+    shared::<Chain>();
+    shared::<Law>();
+    shared::<Scene>();
+    moved::<Dynamics>();
+    moved::<Strike>();
+    moved::<Session>();
+};
