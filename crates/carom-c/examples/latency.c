@@ -178,7 +178,7 @@ int main(int argc, char **argv) {
         }
         count(now() - start);
     }
-    print_quantiles("additions of the same length, without the library", all);
+    print_quantiles("loop as long, without the library", all);
     free(q);
     free(qd);
     free(qd_plus);

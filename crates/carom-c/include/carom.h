@@ -262,7 +262,7 @@ typedef struct {
     /**
      * Its kind: "impact", "several" (contacts at once), "limit" (of a joint), "latch", "zeno", "sliding", "sticking", "free", "lift-off",
      * "joint-stops", "joint-moves", "stepping", "non-unique", "rest" …: the page "Simulate a scene" of the book. Valid until the session
-     * is advanced or freed.
+     * is advanced, set to a state or freed.
      */
     const char *kind;
     /**

@@ -26,7 +26,7 @@ pub struct Event {
     pub time: f64,
     /// Its kind: "impact", "several" (contacts at once), "limit" (of a joint), "latch", "zeno", "sliding", "sticking", "free", "lift-off",
     /// "joint-stops", "joint-moves", "stepping", "non-unique", "rest" …: the page "Simulate a scene" of the book. Valid until the session
-    /// is advanced or freed.
+    /// is advanced, set to a state or freed.
     pub kind: *const c_char,
     /// The contact or the joint, UTF-8; several are separated by "; ", and the text is empty if there is none. Valid as `kind`.
     pub contact: *const c_char,

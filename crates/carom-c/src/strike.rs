@@ -135,9 +135,9 @@ pub unsafe extern "C" fn carom_strike_many(
         carom_strike_many,
         |exclusive strike, shared law, input q [q_length], input qd [qd_length], output qd_plus [qd_plus_length], places hits [count]| {
             let (nq, nv) = strike.strike.with(|chain, _| (chain.nq(), chain.nv()));
-            has_length("q", q, count * nq, "count × nq")?;
-            has_length("qd", qd, count * nv, "count × nv")?;
-            has_length("qd_plus", qd_plus, count * nv, "count × nv")?;
+            has_length("q", q, count.saturating_mul(nq), "count × nq")?;
+            has_length("qd", qd, count.saturating_mul(nv), "count × nv")?;
+            has_length("qd_plus", qd_plus, count.saturating_mul(nv), "count × nv")?;
             let mut first = Ok(());
             for k in 0..hits.len() {
                 let after = &mut qd_plus[k * nv..][..nv];
