@@ -76,7 +76,7 @@ pub fn run(
     let (mut impacts, mut first_impact, mut lost) = (Sample::default(), Sample::default(), Sample::default());
     let bar = progress(runs, "{elapsed:>5} {bar:30} {pos}/{len} runs, {eta} to go");
     let mut count = 0;
-    let done = ensemble(scene, runs, stop, |run| {
+    let done = ensemble((scene, plan), runs, stop, |run| {
         bar.inc(1);
         count += 1;
         match &run.result {

@@ -154,19 +154,19 @@ impl Scene {
         if self.scene.perturbation.is_none() {
             return Err(exceptions::SimulationError::new_err(ALL_THE_SAME));
         }
-        let (scene, plan) = self.planned(py)?;
+        let (scene, mut plan) = self.planned(py)?;
         let scene = scene.scene.clone();
         let columns = run_columns(&scene, &plan);
         let width = columns.len();
-        let mut own = (*scene).clone();
+        let own = scene.clone();
         let rows = left_behind(py, move |stop| {
-            own.simulation.stop = Some(stop.clone());
+            plan.simulation.stop = Some(stop.clone());
             let mut rows = Vec::new();
             let each = |run: carom_study::Run| {
                 rows.extend(run.row(width));
                 Ok::<(), std::convert::Infallible>(())
             };
-            let Ok(()) = ensemble(&own, count, stop, each);
+            let Ok(()) = ensemble((&own, &plan), count, stop, each);
             rows
         })?;
         self.functions.pass(Ok(()))?;

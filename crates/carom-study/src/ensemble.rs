@@ -2,7 +2,7 @@
 
 use crate::scene_table::state_columns;
 use crate::table::Column;
-use carom_sim::{EventKind, Moment, Plan, Sampling, Scene, Seen, SimError, StopReason, Summary};
+use carom_sim::{Moment, Plan, Sampling, Scene, Seen, SimError, StopReason, Summary};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -72,14 +72,14 @@ impl Run {
 /// Runs of one scene are computed in groups of this number for each thread; the threads wait for each other at the end of a group.
 const GROUP: u64 = 16;
 
-/// Runs a scene `runs` times from starts that its [`perturbation`](Scene::perturbation) disturbs, in parallel, and passes the
-/// results to `each` in the order of their numbers. They do not depend on the number of threads. Without a perturbation all
+/// Runs a scene `runs` times by its plan, which is made once, from starts that its [`perturbation`](Scene::perturbation) disturbs, in parallel,
+/// and passes the results to `each` in the order of their numbers. They do not depend on the number of threads. Without a perturbation all
 /// starts are the same. Setting `stop` ends the runs early: those that have begun are completed, no other begins.
 ///
 /// # Errors
 /// The first error of `each`, after which no further group is computed.
 pub fn ensemble<E>(
-    scene: &Scene,
+    (scene, plan): (&Scene, &Plan),
     runs: u64,
     stop: &AtomicBool,
     mut each: impl FnMut(Run) -> Result<(), E>,
@@ -87,7 +87,7 @@ pub fn ensemble<E>(
     let (mut first, size) = (0, GROUP * rayon::current_num_threads() as u64);
     while first < runs && !stop.load(Ordering::Relaxed) {
         let group = first..runs.min(first + size);
-        let one = |number| (!stop.load(Ordering::Relaxed)).then(|| run(scene, number));
+        let one = |number| (!stop.load(Ordering::Relaxed)).then(|| run(scene, plan, number));
         let done: Vec<Option<Run>> = group.clone().into_par_iter().map(one).collect();
         // Runs after one that has not begun are left out, so that the results are the first ones without a gap.
         done.into_iter().map_while(|run| run).try_for_each(&mut each)?;
@@ -96,7 +96,7 @@ pub fn ensemble<E>(
     Ok(())
 }
 
-fn run(scene: &Scene, number: u64) -> Run {
+fn run(scene: &Scene, plan: &Plan, number: u64) -> Run {
     let time = scene.simulation.start_time;
     let undisturbed = || Ok((scene.q.clone(), scene.qd.clone()));
     let given = scene.perturbation.as_ref();
@@ -105,22 +105,13 @@ fn run(scene: &Scene, number: u64) -> Run {
     let (start, result) = match start {
         Err(error) => (Moment { time, q: scene.q.clone(), qd: scene.qd.clone() }, Err(error)),
         Ok((q, qd)) => {
-            let disturbed = Scene { q: q.clone(), qd: qd.clone(), ..scene.clone() };
-            let result = disturbed.plan().and_then(|plan| {
-                plan.stream(scene.duration, Sampling::default(), &mut |seen| {
-                    let Seen::Event(event) = seen else { return };
-                    let hit = matches!(
-                        event.kind,
-                        EventKind::Impact { .. }
-                            | EventKind::Several { .. }
-                            | EventKind::Latch { .. }
-                            | EventKind::Limit { .. }
-                    );
-                    if hit {
-                        impacts += 1;
-                        first_impact.get_or_insert(event.time);
-                    }
-                })
+            let result = plan.stream_from((&q, &qd), scene.duration, Sampling::default(), &mut |seen| {
+                if let Seen::Event(event) = seen
+                    && event.kind.is_impact()
+                {
+                    impacts += 1;
+                    first_impact.get_or_insert(event.time);
+                }
             });
             (Moment { time, q, qd }, result)
         }

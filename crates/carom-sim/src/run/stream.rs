@@ -47,7 +47,21 @@ impl Plan {
     /// # Errors
     /// As [`Simulation::run`].
     pub fn stream(&self, duration: f64, sampling: Sampling, watch: &mut dyn FnMut(Seen)) -> Result<Summary, SimError> {
-        go(&self.simulation, self.in_plane(), (&self.q, &self.qd), duration, sampling, watch)
+        self.stream_from((&self.q, &self.qd), duration, sampling, watch)
+    }
+
+    /// Runs the plan from another start, of all its joints: as [`Plan::stream`], with what was decided at its own.
+    ///
+    /// # Errors
+    /// As [`Simulation::run`].
+    pub fn stream_from(
+        &self,
+        start: (&[f64], &[f64]),
+        duration: f64,
+        sampling: Sampling,
+        watch: &mut dyn FnMut(Seen),
+    ) -> Result<Summary, SimError> {
+        go(&self.simulation, self.in_plane(), start, duration, sampling, watch)
     }
 }
 
