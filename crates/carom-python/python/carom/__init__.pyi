@@ -1182,10 +1182,13 @@ class Scene:
             sample: time between samples, s; by default that of the scene, or 0.004 s.
             loads: computes the forces of the motors at each sample (`Run.motors`), and the loads on the joints at each impact
                 (`Run.loads`, `Event.loads`).
+            error: estimates the errors of the samples, of the end and of the times of events, by one or two more runs with tighter tolerances
+                (`Run.error`, `Run.q_error`, `Run.qd_error`, `Event.time_error`).
 
         Raises:
-            SimulationError: an overlap at the start, a motion that cannot be continued. Exceptions of a law or a controller in
-                Python are passed on as they are.
+            SimulationError: an overlap at the start, a motion that cannot be continued, an `accuracy` that no tolerance meets. Exceptions of a
+                law or a controller in Python are passed on as they are.
+            ValueError: `error` or an `accuracy` with a controller with a rate.
         """
     def sensitivity(self, wrt: Sequence[str] | None = None) -> Sensitivity:
         """The derivatives of the whole run: of the final state and of the times of events, by the start and by parameters.
@@ -1301,6 +1304,19 @@ class Run:
     q and qd have the coordinates of `run.chain`, all joints of the scene.
     """
     @property
+    def qd_error(self) -> _Matrix:
+        """The estimated errors of qd at the samples, shape (S, nv); rad/s, m/s. Needs `simulate(error=True)`; NaN where there is no estimate."""
+    @property
+    def q_error(self) -> _Matrix:
+        """The estimated errors of q at the samples, as displacements, shape (S, nv); rad, m. Needs `simulate(error=True)`; NaN where there
+        is no estimate.
+        """
+    @property
+    def error(self) -> dict[str, Any] | None:
+        """The estimated errors of the end, a dict: tighter (the tolerances of the runs that tell them), final (a dict of q, as a
+        displacement of nv numbers, and qd), or unknown (a dict of time and reason) instead of it. None without `simulate(error=True)`.
+        """
+    @property
     def motors(self) -> _Matrix:
         """Forces of the motors at the samples, after their limits, shape (S, nv); N m, N. Needs `simulate(loads=True)`."""
     def __new__(cls, _: Never, /) -> Self: ...
@@ -1333,8 +1349,8 @@ class Run:
         """The events in the order of time, a list of Event."""
     @property
     def states(self) -> Table:
-        """The samples as a Table: time, then q.<joint>, qd.<joint> and with loads motor.<joint>; joints with several coordinates have
-        numbered columns.
+        """The samples as a Table: time, then q.<joint>, qd.<joint>, with loads motor.<joint>, and with errors error.q.<joint> and
+        error.qd.<joint>; joints with several coordinates have numbered columns.
         """
     @property
     def loads(self) -> Table:
@@ -1346,7 +1362,7 @@ class Run:
     @property
     def event_table(self) -> Table:
         """The events as a Table: time (s), kind, contact, mode of an impact, the impulse of all contacts px, py, pz (N s, world
-        axes), then q.<joint>, qd_minus.<joint>, qd_plus.<joint>.
+        axes), then q.<joint>, qd_minus.<joint>, qd_plus.<joint>, and with errors time_error (s).
         """
     @property
     def contacts(self) -> Table:
@@ -1438,6 +1454,11 @@ class LinearRun:
 
 class Event:
     """An event of a run."""
+    @property
+    def time_error(self) -> float | None:
+        """The estimated error of the time, s, of a run with `simulate(error=True)`; else None, and for an event that runs with tighter
+        tolerances do not have.
+        """
     @property
     def time_by(self) -> _Vector | None:
         """Derivatives of the time by the columns `Sensitivity.names`, shape (columns,), for the events of a Sensitivity; None for events of
