@@ -1,6 +1,7 @@
 """Scenes, runs, tables, maps, fits and recordings."""
 
 import json
+import pickle
 import tomllib
 
 import numpy as np
@@ -605,7 +606,7 @@ def test_a_recording_goes_to_a_path_or_a_stream(bounce, to):
 
 
 def test_errors_of_a_run_hold_against_a_tighter_one():
-    scene = carom.Scene.from_file(SCENES / "planar3.toml")
+    scene = carom.Scene.from_file(ROOT / "scenes/planar3.toml")
     run = scene.simulate(error=True)
     exact = scene.with_keys({"run.tolerance": 1e-12}).simulate()
     assert run.error["tighter"] == [pytest.approx(1e-10)] and "unknown" not in run.error
@@ -630,14 +631,14 @@ def test_errors_of_a_run_hold_against_a_tighter_one():
 
 
 def test_a_scene_with_an_accuracy_chooses_its_tolerance():
-    text = (SCENES / "planar3.toml").read_text().replace("[run]", "[run]\naccuracy = 1e-6")
-    scene = carom.Scene.from_toml(text, folder=SCENES)
+    text = (ROOT / "scenes/planar3.toml").read_text().replace("[run]", "[run]\naccuracy = 1e-6")
+    scene = carom.Scene.from_toml(text, folder=ROOT / "scenes")
     run = scene.simulate(error=True)
     largest = max(*run.error["final"]["q"], *run.error["final"]["qd"])
     assert 1e-12 < largest < 1e-6
     decisions = {decision["what"]: decision for decision in scene.plan()["kept"]}
     assert "accuracy = 1e-6" in decisions["accuracy"]["why"]
     assert scene.sensitivity(wrt=["q"]).broken is None
-    strict = carom.Scene.from_toml(text.replace("1e-6", "1e-17"), folder=SCENES)
+    strict = carom.Scene.from_toml(text.replace("1e-6", "1e-17"), folder=ROOT / "scenes")
     with pytest.raises(carom.SimulationError, match="rounding prevents"):
         strict.simulate()
