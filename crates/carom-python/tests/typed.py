@@ -70,7 +70,7 @@ assert_type(arm.joint_table, list[dict[str, Any]])
 
 scene = carom.Scene.from_dict({"robot": {"urdf": "none"}}) if hits.law == "none" else None
 if scene is not None:
-    run = scene.simulate(sample=0.01)
+    run = scene.simulate(sample=0.01, error=True)
     assert_type(run.q, Matrix)
     assert_type(run.events[0].impact, carom.Impact | None)
     assert_type(carom.map("study.toml"), carom.Table)

@@ -1175,7 +1175,7 @@ class Scene:
             SimulationError: the scene has no disturbance.
             ValueError: the scene has a controller with a rate.
         """
-    def simulate(self, *, sample: float | None = None, loads: bool = False) -> Run:
+    def simulate(self, *, sample: float | None = None, loads: bool = False, error: bool = False) -> Run:
         """Simulates the scene from event to event. The GIL is released, except while a function in Python is called.
 
         Args:
