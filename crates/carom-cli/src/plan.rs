@@ -52,10 +52,7 @@ impl PlanCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let refuse = |e| CliError::scene(&self.scene, e);
         let scene = load(&self.scene)?;
-        let plan = match scene.to_accuracy().map_err(refuse)? {
-            Some(met) => met.plan,
-            None => scene.plan().map_err(refuse)?,
-        };
+        let plan = scene.to_accuracy().map_err(refuse)?.plan;
         let written = answer(out, &Account::of(&plan), self.json, |_, out| for_people(&plan, out));
         written.map_err(|refused| CliError::refused(&self.scene, refused))
     }

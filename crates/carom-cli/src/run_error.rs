@@ -1,35 +1,19 @@
-//! `carom simulate --error` and scenes with an accuracy: what a run says of its own error.
+//! `carom simulate --error` and scenes with an accuracy: the errors of a run as text.
 
 use crate::output::{brief, short};
-use carom_sim::{Broken, RunError, StateError, ToAccuracy};
-use serde::Serialize;
+use carom_sim::{Broken, Met, RunError, StateError};
 use std::io::{self, Write};
 
-/// What met the accuracy that a scene asks for.
-#[derive(Serialize)]
-pub struct Accuracy {
-    asked: f64,
-    tolerance: f64,
-    error: f64,
-    evaluations: usize,
-}
-
-impl Accuracy {
-    pub fn of(asked: f64, found: &ToAccuracy) -> Self {
-        let tolerance = found.scene.simulation.tolerance;
-        Self { asked, tolerance, error: found.error, evaluations: found.evaluations }
-    }
-
-    pub fn for_people(&self, out: &mut dyn Write) -> io::Result<()> {
-        writeln!(
-            out,
-            "accuracy {}: met by the tolerance {}, with an estimated error of {}, after {} evaluations in all",
-            brief(self.asked),
-            brief(self.tolerance),
-            brief(self.error),
-            self.evaluations
-        )
-    }
+/// How the accuracy of a scene is met.
+pub fn accuracy(met: &Met, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(
+        out,
+        "accuracy {}: met by the tolerance {}, with an estimated error of {}, after {} evaluations in all",
+        brief(met.asked),
+        brief(met.tolerance),
+        brief(met.error),
+        met.evaluations
+    )
 }
 
 /// The errors of the final state and the largest one of the times.

@@ -11,7 +11,9 @@ use crate::runs;
 use crate::scene::load;
 use crate::sensitivity::{self, Sensitivity};
 use carom_impact::Mode;
-use carom_sim::{EventLoads, Moment, NamedEvent, NamedRun, RunError, Sampling, Seen, Statistics, Summary, UnderLaw};
+use carom_sim::{
+    EventLoads, Met, Moment, NamedEvent, NamedRun, RunError, Sampling, Seen, Statistics, Summary, ToAccuracy, UnderLaw,
+};
 use carom_study::{
     Column, SCENE_KEY, Table, TableError, contact_columns, contact_row, error_columns, error_row, event_table,
     load_columns, load_rows, motor_columns, state_columns,
@@ -157,7 +159,7 @@ struct Answer<'a> {
     #[serde(flatten)]
     run: NamedRun<'a>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    accuracy: Option<Accuracy>,
+    accuracy: Option<&'a Met>,
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<RunError>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -211,29 +213,14 @@ impl Simulate {
                 return Err(CliError::Option(why.into()));
             }
             let stop = files::interrupts();
-            let (scene, plan) = match scene.to_accuracy().map_err(refuse)? {
-                Some(met) => (met.scene, met.plan),
-                None => {
-                    let plan = scene.plan().map_err(refuse)?;
-                    (scene, plan)
-                }
-            };
+            let ToAccuracy { scene, plan, .. } = scene.to_accuracy().map_err(refuse)?;
             let (table, nowhere) = (tables.first().copied(), &mut io::sink());
             let answer: &mut dyn Write = if printed.is_asked() { nowhere } else { &mut *out };
             let ran = runs::run((&self.scene, &scene, &plan), (runs, &stop), table, self.json, answer);
             return if ran.is_ok() { printed.print(out) } else { printed.keep(ran) };
         }
         files::clear_when_interrupted();
-        let asked = scene.accuracy;
-        let met = scene.to_accuracy().map_err(refuse)?;
-        let accuracy = asked.zip(met.as_ref()).map(|(asked, met)| Accuracy::of(asked, met));
-        let (plan, done) = match met {
-            Some(met) => {
-                scene = met.scene;
-                (met.plan, Some((met.events, met.summary)))
-            }
-            None => (scene.plan().map_err(refuse)?, None),
-        };
+        let ToAccuracy { scene, plan, met } = scene.to_accuracy().map_err(refuse)?;
         if self.sensitivity {
             sensitivity::check(&self.scene, &plan)?;
         }
@@ -282,10 +269,10 @@ impl Simulate {
                 recorder.see(seen);
             }
         };
-        let run = match done.filter(|_| every.is_none() && !loads) {
-            Some((all, run)) => {
-                events = all;
-                run
+        let run = match met.as_ref().filter(|_| every.is_none() && !loads) {
+            Some(met) => {
+                events.clone_from(&met.events);
+                met.summary.clone()
             }
             None => plan.stream(scene.duration, sampling, &mut watch).map_err(refuse)?,
         };
@@ -321,10 +308,10 @@ impl Simulate {
         if printed.is_asked() {
             return printed.print(out);
         }
-        let whole = Answer { run: named, accuracy, error, sensitivity: derivatives };
+        let whole = Answer { run: named, accuracy: met.as_ref(), error, sensitivity: derivatives };
         let written = answer(out, &whole, self.json, |whole, out| {
             for_people(&whole.run.events, &run, out)?;
-            whole.accuracy.as_ref().map_or(Ok(()), |accuracy| accuracy.for_people(out))?;
+            whole.accuracy.map_or(Ok(()), |met| run_error::accuracy(met, out))?;
             whole.error.as_ref().map_or(Ok(()), |error| run_error::for_people(error, out))?;
             whole.sensitivity.as_ref().map_or(Ok(()), |derivatives| derivatives.for_people(out))
         });

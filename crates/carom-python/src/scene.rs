@@ -230,9 +230,7 @@ impl Scene {
             own.simulation.stop = Some(stop.clone());
             own.to_accuracy()
         })?;
-        let Some(ToAccuracy { mut scene, mut plan, .. }) = self.functions.pass(met)? else {
-            return Err(refuse("accuracy"));
-        };
+        let ToAccuracy { mut scene, mut plan, .. } = self.functions.pass(met)?;
         (scene.simulation.stop, plan.simulation.stop) = (None, None);
         Ok((self.other(scene), plan))
     }

@@ -37,8 +37,6 @@ const REPLAY: f64 = 8.0;
 const LEAD: f64 = 0.05;
 /// Length of the arrow of the largest impulse, as a share of the size of the scene.
 const ARROW: f64 = 0.3;
-/// The least decimal logarithm of an error that is drawn: below it all is rounding.
-const LEAST: f64 = -17.0;
 /// Number of events with impulses after which a file fixes the scale of the arrows; later arrows are cut at three times the
 /// length.
 const HELD: usize = 1000;
@@ -67,10 +65,8 @@ pub struct SceneRecorder {
     /// End of the path of the tip so far.
     path: Option<Vector3<f64>>,
     lanes: Lanes,
-    /// Whether forces of motors, and impulses through joints, were reported.
-    loads: [bool; 2],
-    /// Whether errors were reported.
-    has_errors: bool,
+    /// Whether forces of motors, impulses through joints, and errors were reported.
+    more: [bool; 3],
     /// Time of the last moment whose lasting contacts were not reported: it has none.
     untold: Option<f64>,
     /// Time of the first event, s.
@@ -121,8 +117,7 @@ impl SceneRecorder {
             held: Vec::new(),
             path: None,
             lanes: Lanes::of(&sim.touches),
-            loads: [false; 2],
-            has_errors: false,
+            more: [false; 3],
             untold: None,
             first: None,
             counts: BTreeMap::new(),
@@ -167,14 +162,13 @@ impl SceneRecorder {
     }
 
     fn log_errors(&mut self, moments: &[Moment], errors: &[Option<StateError>]) -> Result<(), RecordError> {
-        self.has_errors = true;
-        Measures::name_errors(&self.sink, &self.chain)?;
+        self.begin_more(2, |it| Measures::name_errors(&it.sink, &it.chain))?;
         for (moment, error) in moments.iter().zip(errors) {
             let Some(StateError { q, qd }) = error else { continue };
             self.sink.rec.set_duration_secs("time", moment.time);
             for (entity, errors) in ERROR.into_iter().zip([q, qd]) {
-                // A number that stays zero has no logarithm.
-                let numbers = errors.iter().map(|error| error.max(f64::MIN_POSITIVE).log10().max(LEAST));
+                // A number that stays zero has no logarithm; below its rounding no error of a number of size 1 is seen.
+                let numbers = errors.iter().map(|error| error.max(f64::EPSILON).log10());
                 now(&self.sink, entity.into(), &rerun::Scalars::new(numbers))?;
             }
         }
@@ -265,14 +259,14 @@ impl SceneRecorder {
         if self.measures.has_gaps() {
             plots.push(layout::series("least gap (m)", "/series/gap", true));
         }
-        if self.loads[0] {
+        if self.more[0] {
             plots.push(layout::series("forces of the motors (N m, N)", "/series/motor", true));
         }
-        if self.loads[1] {
+        if self.more[1] {
             plots.push(layout::series("impulses through joints (N s)", "/series/through/force", true));
             plots.push(layout::series("their moments (N m s)", "/series/through/moment", true));
         }
-        if self.has_errors {
+        if self.more[2] {
             plots.push(layout::series("log10 of the errors of positions (rad, m)", "/series/error/position", true));
             plots.push(layout::series(
                 "log10 of the errors of velocities (rad/s, m/s)",
@@ -346,7 +340,7 @@ impl SceneRecorder {
             self.motors(event.time, motors_minus)?;
             self.motors(event.time, motors_plus)?;
             if !impact.through.is_empty() {
-                self.begin_loads(1, |it| Measures::name_impulses(&it.sink, &impact.through))?;
+                self.begin_more(1, |it| Measures::name_impulses(&it.sink, &impact.through))?;
                 let sizes = [
                     impact.through.iter().map(|it| it.force.norm()).collect::<Vec<_>>(),
                     impact.through.iter().map(|it| it.moment.norm()).collect(),
@@ -373,18 +367,14 @@ impl SceneRecorder {
 
     /// The forces of the motors at a time.
     fn motors(&mut self, time: f64, forces: &[f64]) -> Result<(), RecordError> {
-        self.begin_loads(0, |it| Measures::name_motors(&it.sink, &it.chain))?;
+        self.begin_more(0, |it| Measures::name_motors(&it.sink, &it.chain))?;
         self.sink.rec.set_duration_secs("time", time);
         now(&self.sink, MOTOR.into(), &rerun::Scalars::new(forces.iter().copied()))
     }
 
-    /// Names the series of loads when they are reported for the first time, and gives them views.
-    fn begin_loads(
-        &mut self,
-        k: usize,
-        name: impl FnOnce(&Self) -> Result<(), RecordError>,
-    ) -> Result<(), RecordError> {
-        if std::mem::replace(&mut self.loads[k], true) {
+    /// Names series when they are reported for the first time, and gives them views.
+    fn begin_more(&mut self, k: usize, name: impl FnOnce(&Self) -> Result<(), RecordError>) -> Result<(), RecordError> {
+        if std::mem::replace(&mut self.more[k], true) {
             return Ok(());
         }
         name(self)?;

@@ -54,9 +54,9 @@ pub use model::{
 pub use motion::{ContactState, NonUnique, free_motion};
 pub use plan::{Bounded, Decision, Plan};
 pub use run::{
-    Advance, Broken, ByOutcome, Columns, EnergyBooks, Event, EventKind, EventLoads, EventTime, LinearRun, RunError,
-    Sampling, Seen, Segment, Sensitivity, Session, SessionState, StateError, Statistics, StepReason, StopReason,
-    Summary, ToAccuracy, Trajectory,
+    Advance, Broken, ByOutcome, Columns, EnergyBooks, Event, EventKind, EventLoads, EventTime, LinearRun, Met,
+    RunError, Sampling, Seen, Segment, Sensitivity, Session, SessionState, StateError, Statistics, StepReason,
+    StopReason, Summary, ToAccuracy, Trajectory,
 };
 pub use scene::{Distribution, Perturbation, Scene};
 pub use state::{ContactImpulse, LinearFunction, Moment, Profile};

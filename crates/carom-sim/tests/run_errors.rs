@@ -108,14 +108,33 @@ fn time_steps_have_no_estimate_and_tell_why() {
     assert!(refused.contains("tolerance is 1e-14") && refused.contains("choose 1e-12 or more"), "{refused}");
 }
 
+/// A run that ends by `max_events` ends at another event if a tighter tolerance has more impacts in an accumulation before.
+#[test]
+fn states_of_different_events_have_no_error() {
+    let scene = changed("bounce", &[]);
+    let (duration, mut plan) = (5.0, scene.plan().unwrap());
+    let (all, ..) = estimated(&plan, duration, None);
+    let end = all.iter().position(|event| event.kind.name() == "zeno").unwrap();
+    for (events, compared) in [(2, true), (end + 1, false)] {
+        plan.simulation.max_events = events;
+        let (_, _, _, error) = estimated(&plan, duration, None);
+        assert_eq!(error.last.is_some(), compared, "{events} events: {error:?}");
+        if !compared {
+            assert!(error.unknown.unwrap().reason.contains("ends at another event"));
+        }
+    }
+}
+
 /// The true error is below the accuracy that is asked for, and a run of the scene that is returned is the run that is returned.
 #[test]
 fn an_accuracy_is_met_by_a_tolerance_of_its_own() {
     let mut before = f64::INFINITY;
     for accuracy in [1e-4, 1e-6, 1e-8, 1e-10] {
         let scene = on_spring(&format!("duration = 5\naccuracy = {accuracy:e}\n")).unwrap();
-        let met = scene.to_accuracy().unwrap().unwrap();
-        let tolerance = met.scene.simulation.tolerance;
+        let (folder, found) = (scene.folder.clone(), scene.to_accuracy().unwrap());
+        let met = found.met.unwrap();
+        let tolerance = found.scene.simulation.tolerance;
+        assert_eq!(tolerance, met.tolerance);
         assert!(tolerance <= before, "{accuracy:e}: {tolerance:e}");
         before = tolerance;
         let (last, [q, qd]) = (&met.summary.last, exact(5.0));
@@ -123,12 +142,12 @@ fn an_accuracy_is_met_by_a_tolerance_of_its_own() {
         let times = met.events.iter().enumerate().map(|(k, event)| event.time - impact(k));
         let error = states.into_iter().chain(times).fold(0.0, |most: f64, x| most.max(x.abs()));
         assert!(error <= accuracy && met.error <= accuracy, "{accuracy:e}: {error:e}, estimated {:e}", met.error);
-        let told = met.plan.kept.iter().find(|decision| decision.what == "accuracy").unwrap();
+        let told = found.plan.kept.iter().find(|decision| decision.what == "accuracy").unwrap();
         assert!(told.why.contains(&format!("{accuracy:e}")), "{told:?}");
-        let again = Scene::from_toml(&met.scene.text, &scene.folder);
+        let again = Scene::from_toml(&found.scene.text, &folder);
         // The files of the robot are gone with the folder of the test.
-        assert!(again.is_err() && met.scene.text.contains("tolerance") && !met.scene.text.contains("accuracy"));
-        let (events, _, summary, _) = estimated(&met.scene.plan().unwrap(), 5.0, None);
+        assert!(again.is_err() && found.scene.text.contains("tolerance") && !found.scene.text.contains("accuracy"));
+        let (events, _, summary, _) = estimated(&found.scene.plan().unwrap(), 5.0, None);
         assert_eq!((&summary.last.q, &summary.last.qd), (&last.q, &last.qd));
         assert!(events.iter().zip(&met.events).all(|(a, b)| a.time == b.time));
     }
@@ -154,5 +173,5 @@ fn an_accuracy_that_is_not_met_is_refused_with_the_reason() {
     let scene = on_spring("duration = 5\naccuracy = 1e-6\n").unwrap();
     let refused = scene.plan().unwrap_err().to_string();
     assert!(refused.contains("accuracy = 1e-6") && refused.contains("give tolerance"), "{refused}");
-    assert!(on_spring("duration = 5\n").unwrap().to_accuracy().unwrap().is_none());
+    assert!(on_spring("duration = 5\n").unwrap().to_accuracy().unwrap().met.is_none());
 }

@@ -56,7 +56,7 @@ pub use named::{AtContact, NamedEvent, NamedRun, UnderLaw};
 pub use run_error::{RunError, StateError};
 pub use sensitivity::Sensitivity;
 pub use session::{Advance, Session, SessionState};
-pub use to_accuracy::ToAccuracy;
+pub use to_accuracy::{Met, ToAccuracy};
 pub use trajectory::{
     EnergyBooks, Event, EventKind, EventLoads, Sampling, Seen, Segment, Statistics, StepReason, StopReason, Summary,
     Trajectory,

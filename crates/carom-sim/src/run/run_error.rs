@@ -25,7 +25,7 @@ use super::follow::Broken;
 use super::trajectory::{Event, EventKind, Sampling, Seen, Statistics, Summary};
 use crate::error::{SimError, require};
 use crate::plan::Plan;
-use crate::state::{EXACT, Moment, ROUNDING};
+use crate::state::{EXACT, Moment, STEPS};
 use serde::Serialize;
 
 /// The tolerance of a tighter run, as a share of that of the run before it.
@@ -63,14 +63,6 @@ pub struct StateError {
     pub qd: Vec<f64>,
 }
 
-impl RunError {
-    /// The largest estimate of the final state and of the times of events, each in its unit; `None` without one of the final state.
-    pub fn largest(&self) -> Option<f64> {
-        let StateError { q, qd } = self.last.as_ref()?;
-        Some(largest(q.iter().chain(qd).chain(self.events.iter().flatten())))
-    }
-}
-
 /// What an event is, apart from its numbers: its kind, and its contacts or its joint.
 fn mark(event: &Event) -> (&'static str, Vec<usize>, Option<&str>) {
     let (touches, joint) = match &event.kind {
@@ -96,6 +88,8 @@ pub(super) struct Apart {
     last: StateError,
     /// Whether the events are the same, but for the number of impacts of an accumulation at one contact.
     pub same: bool,
+    /// Whether both end at one event, or at the end of the duration.
+    ends: bool,
 }
 
 impl Apart {
@@ -122,28 +116,35 @@ impl Plan {
     ) -> Result<RunError, SimError> {
         let tolerance = self.simulation.tolerance;
         let rule = "no tighter run tells the error of this one: choose 1e-12 or more";
-        require(RATIO * tolerance >= ROUNDING, "tolerance", tolerance, rule)?;
+        require(tolerance >= EXACT, "tolerance", tolerance, rule)?;
         let (last, samples_by, events_by) = (None, vec![None; samples.len()], vec![None; events.len()]);
         let mut error = RunError { tighter: Vec::new(), last, samples: samples_by, events: events_by, unknown: None };
         if let Some(time) = steps(events) {
             let reason = "time steps begin, whose error does not follow from the tolerance: see step_error".into();
             return Ok(RunError { unknown: Some(Broken { time, reason }), ..error });
         }
-        let (mut others, mut apart) = (Vec::new(), Vec::new());
+        let (mut others, mut apart) = (Vec::<Outline>::new(), Vec::<Apart>::new());
         let mut tighter = RATIO * tolerance;
-        while tighter >= ROUNDING && (others.is_empty() || others.len() < 2 && !apart.iter().all(|it: &Apart| it.same))
-        {
+        while others.is_empty() || others.len() < 2 && apart.iter().any(|it| !it.same) {
             error.tighter.push(tighter);
+            let none =
+                |time, why: &str| Some(Broken { time, reason: format!("a run with the tolerance {tighter:e} {why}") });
             let other = match self.tighter(tighter, &summary.statistics).outline(duration, every) {
                 Err(stopped @ SimError::Stopped { .. }) => return Err(stopped),
                 Err(why) => {
                     let time = events.last().map_or(self.simulation.start_time, |event| event.time);
-                    let reason = format!("a run with the tolerance {tighter:e} fails: {why}");
-                    return Ok(RunError { unknown: Some(Broken { time, reason }), ..error });
+                    return Ok(RunError { unknown: none(time, &format!("fails: {why}")), ..error });
                 }
                 Ok(other) => other,
             };
-            apart.push(self.apart((events, &summary.last), &other)?);
+            if let Some(time) = steps(&other.events) {
+                return Ok(RunError { unknown: none(time, "needs time steps"), ..error });
+            }
+            let apart_by = self.apart((events, &summary.last), &other)?;
+            if !apart_by.ends {
+                return Ok(RunError { unknown: none(summary.last.time, "ends at another event"), ..error });
+            }
+            apart.push(apart_by);
             others.push(other);
             tighter *= RATIO;
         }
@@ -190,9 +191,12 @@ impl Plan {
 
     pub(super) fn apart(&self, (events, last): (&[Event], &Moment), other: &Outline) -> Result<Apart, SimError> {
         let (pairs, same) = pair(events, &other.events);
+        let last_of_other = other.events.len().checked_sub(1);
+        let ends = last.time == other.summary.last.time
+            || pairs.last().is_some_and(|pair| pair.is_some() && *pair == last_of_other);
         let apart = |(event, pair): (&Event, Option<usize>)| Some((event.time - other.events[pair?].time).abs());
         let times = events.iter().zip(pairs).map(apart).collect();
-        Ok(Apart { times, last: self.difference(last, &other.summary.last)?, same })
+        Ok(Apart { times, last: self.difference(last, &other.summary.last)?, same, ends })
     }
 
     fn difference(&self, own: &Moment, other: &Moment) -> Result<StateError, SimError> {
@@ -251,17 +255,17 @@ fn pair(own: &[Event], others: &[Event]) -> (Vec<Option<usize>>, bool) {
     }
 }
 
-/// The fewest events of both that are passed over until [`AGREED`] agree, or both end.
+/// The fewest events of both that are passed over until [`AGREED`] agree, or both end. If there are more than the impacts that an accumulation
+/// with the restitution 0.996 has while its speed falls to a tenth, all of them.
 fn agreement<T: PartialEq>(own: &[T], others: &[T]) -> (usize, usize) {
     let agree = |a: usize, b: usize| {
         let next = |events: &[T]| events.len().min(AGREED);
         let (own, others) = (&own[a..], &others[b..]);
         own[..next(own)] == others[..next(others)]
     };
-    let mut splits = (0..=own.len() + others.len()).flat_map(|both| {
+    let mut splits = (0..=(own.len() + others.len()).min(10 * STEPS)).flat_map(|both| {
         let least = both.saturating_sub(others.len());
         (least..=both.min(own.len())).map(move |a| (a, both - a))
     });
-    // After all of them both end.
     splits.find(|&(a, b)| agree(a, b)).unwrap_or((own.len(), others.len()))
 }

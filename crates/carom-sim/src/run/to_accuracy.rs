@@ -10,73 +10,116 @@ use crate::error::SimError;
 use crate::plan::Plan;
 use crate::scene::Scene;
 use crate::state::{EXACT, GROWTH};
+use serde::Serialize;
 
 /// The tolerance of the first run, as a multiple of the accuracy, and the loosest that is tried.
 const LOOSE: f64 = 1e3;
 const LOOSEST: f64 = 1e-4;
 
-/// A scene with the tolerance that meets its [`accuracy`](Scene::accuracy), and its run.
+/// A scene whose tolerance is chosen, and its plan: the scene as it was if it asks for no accuracy.
 #[derive(Debug, Clone)]
 pub struct ToAccuracy {
     /// The scene, with this tolerance in its text, too, and no accuracy.
     pub scene: Scene,
     /// Its plan.
     pub plan: Plan,
-    /// The events of its run.
-    pub events: Vec<Event>,
-    /// The summary of its run.
-    pub summary: Summary,
+    /// How the accuracy is met; `None` for a scene that asks for none.
+    pub met: Option<Met>,
+}
+
+/// How a tolerance meets an accuracy.
+#[derive(Debug, Clone, Serialize)]
+pub struct Met {
+    /// The [`accuracy`](Scene::accuracy).
+    pub asked: f64,
+    /// The tolerance.
+    pub tolerance: f64,
     /// The estimated error of the numbers of the final state and of the times of events: the largest, each in its own unit.
     pub error: f64,
     /// Evaluations of the equation of motion in all runs that have led to it.
     pub evaluations: usize,
+    /// The events of the run with this tolerance.
+    #[serde(skip)]
+    pub events: Vec<Event>,
+    /// Its summary.
+    #[serde(skip)]
+    pub summary: Summary,
 }
 
 impl Scene {
-    /// The scene with a tolerance that meets its [`accuracy`](Scene::accuracy): every number of the final state, and the time of every event, has
-    /// an estimated error of this size at most, in its own unit. `None` for a scene without such a wish.
+    /// The plan of the scene, with a tolerance that meets its [`accuracy`](Scene::accuracy) if it asks for one: every number of the final state, and
+    /// the time of every event, has an estimated error of this size at most, in its own unit.
     ///
     /// # Errors
-    /// [`SimError::Accuracy`]: no tolerance meets the wish; as [`Simulation::run`](crate::Simulation::run).
-    pub fn to_accuracy(&self) -> Result<Option<ToAccuracy>, SimError> {
-        let Some(accuracy) = self.accuracy else { return Ok(None) };
-        let mut scene = Self { accuracy: None, ..self.clone() };
-        let (plan, run, error, evaluations) = scene.plan()?.meet(accuracy, self.duration)?;
-        let Outline { events, summary, .. } = run;
-        scene.set_accuracy(&plan.simulation)?;
-        let plan = scene.plan()?.because(accuracy, error);
-        Ok(Some(ToAccuracy { scene, plan, events, summary, error, evaluations }))
+    /// [`SimError::Accuracy`]: no tolerance meets it; as [`Scene::plan`] and [`Simulation::run`](crate::Simulation::run).
+    pub fn to_accuracy(mut self) -> Result<ToAccuracy, SimError> {
+        let Some(accuracy) = self.accuracy.take() else {
+            return Ok(ToAccuracy { plan: self.plan()?, scene: self, met: None });
+        };
+        let (plan, met) = self.plan()?.meet(accuracy, self.duration)?;
+        self.set_accuracy(&plan.simulation)?;
+        let plan = self.plan()?.because(accuracy, met.error);
+        Ok(ToAccuracy { plan, scene: self, met: Some(met) })
     }
 }
 
 impl Plan {
-    /// The plan with another tolerance, its run, its error, and the evaluations of all runs.
-    fn meet(mut self, accuracy: f64, duration: f64) -> Result<(Self, Outline, f64, usize), SimError> {
-        let unmet = |why: String| Err(SimError::Accuracy { accuracy, why });
+    /// The plan with the tolerance that meets an accuracy.
+    fn meet(mut self, accuracy: f64, duration: f64) -> Result<(Self, Met), SimError> {
         let mut before = (LOOSE * accuracy).clamp(EXACT / RATIO, LOOSEST);
         let mut tolerance = RATIO * before;
         self.simulation.set_tolerance(before);
-        let mut looser = self.outline(duration, None)?;
-        let mut evaluations = looser.summary.statistics.evaluations;
+        let mut evaluations = 0;
+        let mut attempt = |plan: &Self| match plan.outline(duration, None) {
+            Err(stopped @ SimError::Stopped { .. }) => Err(stopped),
+            Err(why) => Ok(Err(why)),
+            Ok(run) => {
+                evaluations += run.summary.statistics.evaluations;
+                Ok(match steps(&run.events) {
+                    Some(time) => Err(unmet(
+                        accuracy,
+                        format!(
+                            "at {time} s time steps begin, whose error does not follow from the tolerance: give tolerance"
+                        ),
+                    )),
+                    None => Ok(run),
+                })
+            }
+        };
+        let mut looser = attempt(&self)?;
         loop {
-            self = self.tighter(tolerance, &looser.summary.statistics);
-            let run = self.outline(duration, None)?;
-            evaluations += run.summary.statistics.evaluations;
-            if let Some(time) = steps(&looser.events).or(steps(&run.events)) {
-                let why = "time steps begin, whose error does not follow from the tolerance: give tolerance";
-                return unmet(format!("at {time} s {why}"));
+            match &looser {
+                Ok(run) => self = self.tighter(tolerance, &run.summary.statistics),
+                Err(_) => self.simulation.set_tolerance(tolerance),
             }
-            let apart = self.apart((&looser.events, &looser.summary.last), &run)?;
-            let error = apart.largest() * if apart.same { GROWTH * tolerance / before } else { 1.0 };
-            if error <= accuracy {
-                return Ok((self, run, error, evaluations));
+            let run = attempt(&self)?;
+            let error = match (&looser, &run) {
+                (Ok(looser), Ok(run)) => {
+                    let apart = self.apart((&looser.events, &looser.summary.last), run)?;
+                    Some(apart.largest() * if apart.same { GROWTH * tolerance / before } else { 1.0 })
+                }
+                _ => None,
+            };
+            if let Some(error) = error.filter(|error| *error <= accuracy) {
+                let Outline { events, summary, .. } = run?;
+                return Ok((self, Met { asked: accuracy, tolerance, error, evaluations, events, summary }));
             }
+            // A loose run that fails, or needs time steps, says nothing of tighter ones; the tightest tells why.
             if tolerance <= EXACT {
-                let why = "and rounding prevents a tighter one: ask for less, or give tolerance";
-                return unmet(format!("with the tolerance {tolerance:e} the estimated error is {error:.1e}, {why}"));
+                (run?, looser?);
+                let error = error.unwrap_or(f64::INFINITY);
+                let why = format!(
+                    "with the tolerance {tolerance:e} the estimated error is {error:.1e}, and rounding prevents a tighter one: ask for less, or give tolerance"
+                );
+                return Err(unmet(accuracy, why));
             }
+            let asked = error.map_or(f64::INFINITY, |error| tolerance * accuracy / error);
             (before, looser) = (tolerance, run);
-            tolerance = (tolerance * accuracy / error).min(RATIO * tolerance).max(EXACT);
+            tolerance = asked.min(RATIO * tolerance).max(EXACT);
         }
     }
+}
+
+fn unmet(accuracy: f64, why: String) -> SimError {
+    SimError::Accuracy { accuracy, why }
 }
