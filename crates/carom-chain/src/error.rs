@@ -27,6 +27,19 @@ pub enum ChainError {
         /// The value, the rule that it breaks, and what to do.
         rule: String,
     },
+    /// The file is xacro, from which a program of ROS makes URDF; `file` is the path or `<string>`.
+    #[error(
+        "{file}:{line}: {element}: the file is xacro, not URDF: expand it with `pip install xacro` and `xacro {} -o {}`",
+        words(&xacro_names(file)[0]), words(&xacro_names(file)[1])
+    )]
+    Xacro {
+        /// Path of the file, or `<string>`.
+        file: String,
+        /// Line of the element, counted from 1.
+        line: u32,
+        /// The element, with its name.
+        element: String,
+    },
     /// A name of a robot that cannot be used in a chain of several robots.
     #[error("robot name '{}' {problem}", shown(name))]
     RobotName {
@@ -42,6 +55,14 @@ pub enum ChainError {
         name: String,
         /// The paths that were tried, or why none was.
         tried: String,
+    },
+    /// A package is not found.
+    #[error("there is no package '{}' {searched}", shown(name))]
+    PackageNotFound {
+        /// Its name.
+        name: String,
+        /// Where it was searched for.
+        searched: String,
     },
     /// Links move without mass and inertia, so the mass matrix is singular at every configuration.
     #[error(
@@ -181,4 +202,54 @@ pub enum ChainError {
     /// A reduction does not apply to this chain.
     #[error("{0}")]
     NotReducible(String),
+}
+
+impl ChainError {
+    /// The error with another name of the file that it is about.
+    #[must_use]
+    pub fn in_file(mut self, name: String) -> Self {
+        if let Self::Urdf { file, .. } | Self::Xacro { file, .. } = &mut self {
+            *file = name;
+        }
+        self
+    }
+}
+
+/// The names of a xacro file and of its expansion.
+fn xacro_names(file: &str) -> [String; 2] {
+    if file == "<string>" {
+        return ["FILE.xacro".into(), "FILE.urdf".into()];
+    }
+    let stem = file.strip_suffix(".xacro").or_else(|| file.strip_suffix(".urdf")).unwrap_or(file);
+    let stem = stem.strip_suffix(".urdf").unwrap_or(stem);
+    let expanded = format!("{stem}.urdf");
+    [file.into(), if expanded == file { format!("{stem}.expanded.urdf") } else { expanded }]
+}
+
+/// A file name as one word of a command.
+fn words(name: &str) -> String {
+    let plain = |letter: char| letter.is_alphanumeric() || "._-/+".contains(letter);
+    if name.chars().all(plain) { name.into() } else { format!("'{}'", name.replace('\'', r"'\''")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{words, xacro_names};
+
+    #[test]
+    fn commands_for_xacro_write_another_file() {
+        let cases = [
+            ("a/arm.urdf.xacro", "a/arm.urdf"),
+            ("arm.xacro", "arm.urdf"),
+            ("arm.urdf", "arm.expanded.urdf"),
+            ("arm", "arm.urdf"),
+            ("<string>", "FILE.urdf"),
+        ];
+        for (file, expanded) in cases {
+            let [own, other] = xacro_names(file);
+            assert_eq!(other, expanded);
+            assert_ne!(own, other);
+        }
+        assert_eq!(["my arm.xacro", "it's.xacro"].map(words), [r"'my arm.xacro'", r"'it'\''s.xacro'"]);
+    }
 }

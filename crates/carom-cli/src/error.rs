@@ -99,7 +99,9 @@ impl CliError {
     /// Error of a scene, with its file unless the error names it.
     pub fn scene(file: &Path, error: SimError) -> Self {
         match error {
-            SimError::Scene { .. } | SimError::Chain(ChainError::Urdf { .. }) => Self::Scene(error.to_string()),
+            SimError::Scene { .. } | SimError::Chain(ChainError::Urdf { .. } | ChainError::Xacro { .. }) => {
+                Self::Scene(error.to_string())
+            }
             other => Self::Scene(format!("{}: {other}", file.display())),
         }
     }

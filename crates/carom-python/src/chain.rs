@@ -70,10 +70,10 @@ impl Urdf {
     ///
     /// # Errors
     /// Those of the text.
-    pub fn chain(&self) -> PyResult<carom_chain::Chain> {
+    pub fn chain(&self) -> Result<carom_chain::Chain, ChainError> {
         let options = self.options();
-        let robot = read_str(&self.text, self.folder.as_deref(), &options).map_err(raise)?;
-        carom_chain::Chain::from_robot(robot, &options).with_rotors(&options).map_err(raise)
+        let robot = read_str(&self.text, self.folder.as_deref(), &options)?;
+        carom_chain::Chain::from_robot(robot, &options).with_rotors(&options)
     }
 
     fn options(&self) -> LoadOptions {
@@ -214,6 +214,13 @@ getters! { Chain, self, py {
     effort_limit: Array<'py> = list(py, &self.limit(|joint| joint.limits.effort, f64::INFINITY))?;
 } }
 
+/// The folder of a package, for `$(find NAME)` of xacro.
+#[pyfunction]
+#[allow(clippy::needless_pass_by_value)]
+pub fn find_package(name: &str, folder: PathBuf, package_dirs: Vec<PathBuf>) -> PyResult<PathBuf> {
+    carom_chain::urdf::find_package(name, Some(&folder), &package_dirs).map_err(raise)
+}
+
 #[pymethods]
 impl Chain {
     /// Reads a URDF: the path of a file, or the text of one.
@@ -230,11 +237,14 @@ impl Chain {
     ///     mass: masses of links instead of those of the file: a dict by link, kg. Rotational inertias change in proportion.
     ///     inertia: rotational inertias of links about their centres of mass, along the axes of the link, instead of those of the file: a dict by
     ///         link of ixx, ixy, ixz, iyy, iyz, izz, kg m².
+    ///     xacro: arguments of a xacro file, a dict by name. A file that is xacro is expanded by the package `xacro` (pip install xacro), which
+    ///         finds packages as carom does.
     ///
     /// Raises:
-    ///     UrdfError: the file cannot be read or breaks a rule; the message names line, element, value and rule.
+    ///     UrdfError: the file cannot be read or breaks a rule; the message names line, element, value and rule. A xacro file, and the
+    ///         package `xacro` is not installed, or refuses it.
     #[staticmethod]
-    #[pyo3(signature = (source, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new(), rotor_inertia=BTreeMap::new(), mass=BTreeMap::new(), inertia=BTreeMap::new()))]
+    #[pyo3(signature = (source, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new(), rotor_inertia=BTreeMap::new(), mass=BTreeMap::new(), inertia=BTreeMap::new(), xacro=None))]
     #[allow(clippy::too_many_arguments)]
     fn from_urdf(
         py: Python<'_>,
@@ -247,6 +257,7 @@ impl Chain {
         rotor_inertia: BTreeMap<String, f64>,
         mass: BTreeMap<String, f64>,
         inertia: BTreeMap<String, [f64; 6]>,
+        xacro: Option<Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let absolute = |path: PathBuf| std::path::absolute(&path).unwrap_or(path);
         let package_dirs = package_dirs.into_iter().map(absolute).collect();
@@ -259,6 +270,9 @@ impl Chain {
             .ok()
             .filter(|text| text.trim_start_matches('\u{feff}').trim_start().starts_with('<'));
         let chain = if let Some(text) = text {
+            if xacro.is_some() {
+                return Err(PyTypeError::new_err("xacro: a text is not expanded: give the path of a file"));
+            }
             urdf.text = text;
             py.detach(|| carom_chain::Chain::from_urdf_str(&urdf.text, &options)).map_err(raise)?
         } else {
@@ -267,16 +281,27 @@ impl Chain {
                     "source is neither a path nor a string: give the file or the text of a URDF",
                 ));
             };
-            let chain = py.detach(|| carom_chain::Chain::from_urdf_file_with(&path, &options)).map_err(raise)?;
-            urdf.text = input::read_text(&path, input::MOST_MIB)?;
-            urdf.folder = absolute(path).parent().map(PathBuf::from);
-            chain
+            urdf.folder = absolute(path.clone()).parent().map(PathBuf::from);
+            let plain = xacro.is_none().then(|| py.detach(|| carom_chain::Chain::from_urdf_file_with(&path, &options)));
+            match plain {
+                Some(Ok(chain)) => {
+                    urdf.text = input::read_text(&path, input::MOST_MIB)?;
+                    chain
+                }
+                Some(Err(error)) if !matches!(error, ChainError::Xacro { .. }) => return Err(raise(error)),
+                _ => {
+                    let expand = py.import("carom._xacro")?.getattr("expand")?;
+                    urdf.text = expand.call1((&path, xacro, &urdf.package_dirs))?.extract()?;
+                    let chain = py.detach(|| urdf.chain());
+                    chain.map_err(|error| raise(error.in_file(format!("{}, expanded by xacro", path.display()))))?
+                }
+            }
         };
         Ok(Self::new(chain, Origin::Urdf(urdf)))
     }
 
-    /// Reads a robot of the package `robot_descriptions`, for example "panda_description". The other arguments are those of
-    /// `from_urdf`.
+    /// Reads a robot of the package `robot_descriptions`, for example "panda_description", with the arguments that the package gives for
+    /// a xacro file. The other arguments are those of `from_urdf`.
     ///
     /// Raises:
     ///     ImportError: the package is not installed, or has no robot of this name, or cannot download it.
@@ -305,11 +330,18 @@ impl Chain {
                  by from_urdf"
             ))
         })?;
-        let path = module.getattr("URDF_PATH").map_err(|_| refuse("it has no URDF: choose one with URDF_PATH"))?;
+        let (path, xacro) = match (module.getattr("URDF_PATH"), module.getattr("XACRO_PATH")) {
+            (Ok(path), _) => (path, None),
+            (_, Ok(path)) => {
+                let arguments = module.getattr("XACRO_ARGS").ok().and_then(|it| it.cast_into::<PyDict>().ok());
+                (path, Some(arguments.unwrap_or_else(|| PyDict::new(py))))
+            }
+            _ => return Err(refuse("it has no URDF: choose one with URDF_PATH or XACRO_PATH")),
+        };
         if let Ok(package) = module.getattr("PACKAGE_PATH").and_then(|path| path.extract()) {
             package_dirs.push(package);
         }
-        Self::from_urdf(py, &path, floating, meshes, repair, strict, package_dirs, rotor_inertia, mass, inertia)
+        Self::from_urdf(py, &path, floating, meshes, repair, strict, package_dirs, rotor_inertia, mass, inertia, xacro)
     }
 
     /// A chain of equal uniform rods on hinges about z, straight along x at q = 0, with the frame "tip" at its end.

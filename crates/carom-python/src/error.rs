@@ -32,9 +32,11 @@ impl Raise for ChainError {
     fn raise(&self, at: &str) -> PyErr {
         let message = format!("{at}{self}");
         match self {
-            Self::Unreadable { .. } | Self::Urdf { .. } | Self::MeshNotFound { .. } => {
-                exceptions::UrdfError::new_err(message)
-            }
+            Self::Unreadable { .. }
+            | Self::Urdf { .. }
+            | Self::Xacro { .. }
+            | Self::MeshNotFound { .. }
+            | Self::PackageNotFound { .. } => exceptions::UrdfError::new_err(message),
             Self::WrongLength { .. } | Self::NotFinite { .. } | Self::NotUnitQuaternion { .. } => {
                 exceptions::StateError::new_err(message)
             }

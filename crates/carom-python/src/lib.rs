@@ -75,7 +75,7 @@ mod _carom {
     #[pymodule_export]
     use crate::aim::aim;
     #[pymodule_export]
-    use crate::chain::Chain;
+    use crate::chain::{Chain, find_package};
     #[pymodule_export]
     use crate::diagram::diagram;
     #[pymodule_export]

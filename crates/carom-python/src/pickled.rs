@@ -39,7 +39,7 @@ impl Pickled for Chain {
         let (chain, origin) = match kind.as_str() {
             "Urdf" => {
                 let urdf: Urdf = parts.next()?;
-                (urdf.chain()?, Origin::Urdf(urdf))
+                (urdf.chain().map_err(raise)?, Origin::Urdf(urdf))
             }
             "Uniform" => {
                 let (links, length, mass) = (parts.next()?, parts.next()?, parts.next()?);

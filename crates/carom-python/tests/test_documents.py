@@ -30,7 +30,7 @@ def test_the_first_impact_of_the_readme_has_five_lines_and_runs(capsys):
     assert printed == shown
 
 
-PAGES = ["python", "task-many-runs", "task-loop", "task-optimise", "task-gradients", "coming-from"]
+PAGES = ["python", "task-many-runs", "task-loop", "task-optimise", "task-gradients", "task-own-simulator", "coming-from"]
 
 
 @pytest.mark.parametrize(
@@ -44,8 +44,9 @@ def test_every_snippet_of_a_page_runs(path, monkeypatch, tmp_path):
     monkeypatch.setenv("MPLBACKEND", "agg")
     names, found = {}, snippets(path)
     assert found
-    if "from scipy" in "".join(found):
-        pytest.importorskip("scipy")
+    for library in ("scipy", "pinocchio", "mujoco"):
+        if f"from {library}" in "".join(found) or f"import {library}" in "".join(found):
+            pytest.importorskip(library)
     for snippet in found:
         if "carom.record(" in snippet and not carom.can_record():
             continue

@@ -69,6 +69,8 @@ mod book {
     mod task_rust {}
     #[doc = include_str!("../../../book/src/task-loop.md")]
     mod task_loop {}
+    #[doc = include_str!("../../../book/src/task-own-simulator.md")]
+    mod task_own_simulator {}
     #[doc = include_str!("../../../book/src/law-several.md")]
     mod law_several {}
 }

@@ -49,7 +49,7 @@ use crate::error::ChainError;
 use crate::input;
 pub(crate) use names::suggestion;
 pub use options::{LoadOptions, Meshes};
-pub use packages::find_mesh;
+pub use packages::{find_mesh, find_package};
 pub use robot::*;
 use roxmltree::Document;
 pub use segment::{Beam, Bend};

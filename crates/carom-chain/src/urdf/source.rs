@@ -48,6 +48,11 @@ impl<'a> Source<'a> {
         }
     }
 
+    /// The error for a `node`, or an attribute of it, that only xacro knows.
+    pub fn xacro(&self, node: Node, attribute: Option<&str>) -> ChainError {
+        ChainError::Xacro { file: self.file.into(), line: self.line(node), element: self.describe(node, attribute) }
+    }
+
     /// `link 'upper_arm'`, `joint 'elbow' <origin xyz>`: the link or joint a node belongs to, then the node.
     pub fn describe(&self, node: Node, attribute: Option<&str>) -> String {
         let above = node.ancestors().find(|above| ["link", "joint", "robot"].contains(&above.tag_name().name()));
@@ -95,7 +100,9 @@ pub(super) fn check_limits(file: &str, text: &str) -> Result<(), ChainError> {
 }
 
 pub(super) fn not_xml(file: &str, error: &roxmltree::Error) -> ChainError {
-    let hint = if error.to_string().contains("'xacro'") { "expand it with xacro first" } else { "correct the file" };
+    let of_xacro =
+        r#"declare it in <robot>, xmlns:xacro="http://www.ros.org/wiki/xacro", and expand the file with xacro"#;
+    let hint = if error.to_string().contains("'xacro'") { of_xacro } else { "correct the file" };
     // The parser's messages hold names of the file.
     let rule = format!("is not well-formed: {}; {hint}", input::shown(&error.to_string()));
     ChainError::Urdf { file: file.into(), line: error.pos().row, element: "XML".into(), rule }

@@ -56,12 +56,10 @@ fn check_format(source: &Source) -> Result<(), ChainError> {
         here && !defines
     };
     match root.descendants().find(|node| calls(node)) {
-        Some(node) => Err(source.error(node, None, XACRO)),
+        Some(node) => Err(source.xacro(node, None)),
         None => Ok(()),
     }
 }
-
-const XACRO: &str = "the file is xacro, not URDF: expand it with xacro first";
 
 /// Checks one element and those in it. The depth of the recursion is that of the table, not of the file.
 fn check_element(source: &Source, node: Node, rule: &Element, warnings: &mut Warnings) -> Result<(), ChainError> {
@@ -155,7 +153,7 @@ fn check_value(
     warnings: &mut Warnings,
 ) -> Result<(), ChainError> {
     if ["${", "$(find ", "$(arg "].iter().any(|mark| text.contains(mark)) {
-        return Err(source.error(node, Some(attribute.name), XACRO));
+        return Err(source.xacro(node, Some(attribute.name)));
     }
     let problem = match &attribute.value {
         Value::Name if text.is_empty() => Some("is empty: a name is needed".into()),

@@ -17,11 +17,11 @@ fn documents_that_are_not_urdf_are_refused() {
         <html/>
             <string>:1: <html>: the outermost element of a URDF is <robot>: give a URDF file
         <robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"><xacro:macro name="m"/></robot>
-            <string>:1: robot 'r' <macro>: the file is xacro, not URDF: expand it with xacro first
+            <string>:1: robot 'r' <macro>: the file is xacro, not URDF: expand it with `pip install xacro` and `xacro FILE.xacro -o FILE.urdf`
         <robot name="r"><xacro:macro name="m"/></robot>
-            <string>:1: XML: is not well-formed: an unknown namespace prefix 'xacro' at 1:18; expand it with xacro first
+            <string>:1: XML: is not well-formed: an unknown namespace prefix 'xacro' at 1:18; declare it in <robot>, xmlns:xacro="http://www.ros.org/wiki/xacro", and expand the file with xacro
         robot: <link name="${side}_arm"/>
-            <string>:1: link '${side}_arm': the file is xacro, not URDF: expand it with xacro first
+            <string>:1: link '${side}_arm': the file is xacro, not URDF: expand it with `pip install xacro` and `xacro FILE.xacro -o FILE.urdf`
         robot:
             <string>:1: robot 'r': has no link: a robot needs at least one <link name="...">
     "#,
@@ -30,7 +30,7 @@ fn documents_that_are_not_urdf_are_refused() {
         ("".into(), "<string>:1: XML: is not well-formed: the document does not have a root node; correct the file"),
         (
             robot(r#"<link name="a"/>"#).replace("</", "<x:arm xmlns:x='http://ros.org/wiki/xacro'/></"),
-            "<string>:1: robot 'r' <arm>: the file is xacro, not URDF: expand it with xacro first",
+            "<string>:1: robot 'r' <arm>: the file is xacro, not URDF: expand it with `pip install xacro` and `xacro FILE.xacro -o FILE.urdf`",
         ),
     ]);
 }

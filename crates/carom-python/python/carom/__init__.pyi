@@ -250,6 +250,7 @@ class Chain:
         rotor_inertia: Mapping[str, float] = ...,
         mass: Mapping[str, float] = ...,
         inertia: Mapping[str, Sequence[float]] = ...,
+        xacro: Mapping[str, object] | None = None,
     ) -> Chain:
         """Reads a URDF: the path of a file, or the text of one.
 
