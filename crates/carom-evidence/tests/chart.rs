@@ -63,3 +63,27 @@ fn the_reference_of_a_box_that_comes_to_rest_has_no_time_steps() {
     let ends = chart.runs.iter().filter_map(|run| run.at_end);
     assert!(ends.clone().count() > 3 && ends.fold(f64::INFINITY, f64::min) > 1e-7, "{:?}", chart.runs);
 }
+
+/// Every run of events has an estimate but those with the tightest tolerances, which no tighter one can tell; no other method has one. An error is
+/// at most ten times its estimate, as far as the reference tells.
+#[test]
+fn estimated_errors_stand_beside_those_of_events() {
+    let chart = Chart::of(&scene("planar2"), Duration::from_millis(20), &mut |_| {}).unwrap();
+    let (mut compared, mut events) = (0, 0);
+    for run in &chart.runs {
+        let of_events = run.method.starts_with("events");
+        events += usize::from(of_events);
+        assert!(run.estimated_at_end.is_none() || of_events, "{run:?}");
+        assert!(run.estimated_at_end.is_some() || !of_events || run.value < 1e-12, "{run:?}");
+        if let (Some(error), Some(estimate)) = (run.at_end, run.estimated_at_end) {
+            compared += 1;
+            assert!(error <= 10.0 * (estimate + chart.doubt_at_end), "{run:?}");
+        }
+    }
+    assert!(events >= 22 && compared >= 20, "{compared} of {events}");
+    let (csv, table) = (chart.csv(), chart.csv().lines().filter(|line| !line.ends_with(',')).count());
+    assert!(
+        csv.starts_with("method,knob,value,") && csv.lines().next().unwrap().ends_with(",law,estimated_error_at_end")
+    );
+    assert_eq!(table, compared + 1);
+}

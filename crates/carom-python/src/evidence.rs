@@ -151,7 +151,7 @@ pub fn tosses<'py>(
 ///     title: of the picture; by default the name of the robot.
 ///
 /// Returns:
-///     A dict of law, runs (method, law, knob, value, wall_time (s), after_impact, at_end), absent (method, reason),
+///     A dict of law, runs (method, law, knob, value, wall_time (s), after_impact, at_end, estimated_at_end), absent (method, reason),
 ///     doubt_after_impact and doubt_at_end (errors of the reference solution), csv and svg (texts); with stiffness of runs (factor,
 ///     after_impact, at_end), order_after_impact, order_at_end, theory, csv, svg.
 ///

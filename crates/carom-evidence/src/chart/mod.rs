@@ -2,8 +2,8 @@
 //! (tolerance, step or stiffness).
 //!
 //! The reference solution is an event-driven run in space with the tightest tolerance. Its own error is estimated by comparison
-//! with a second integrator. Two errors are computed: of q̇ right after the first impact, and of q and q̇ at the end. Times are
-//! medians of whole runs without recording.
+//! with a second integrator. Two errors are computed: of q̇ right after the first impact, and of q and q̇ at the end; beside the second stands
+//! what event-driven runs estimate for it. Times are medians of whole runs without recording, and without the estimate.
 
 mod kernel;
 mod labelled;
@@ -16,8 +16,8 @@ pub use stiffness::StiffnessChart;
 use carom_chain::Coordinates;
 use carom_impact::Damping;
 use carom_sim::{
-    Compliance, Event, EventKind, Integrator, Moment, Sampling, Scene, Seen, SimError, Simulation, Touch, Trajectory,
-    Yielding,
+    Compliance, Event, EventKind, Integrator, Moment, Plan, Sampling, Scene, Seen, SimError, Simulation, StateError,
+    Touch, Trajectory, Yielding,
 };
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
@@ -43,6 +43,9 @@ pub(crate) struct Run {
     /// event or at the end; `None` if it is not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_end: Option<f64>,
+    /// That error as the run estimates it, by [`Plan::error_of`]; `None` for other methods than events, and where there is no estimate.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub estimated_at_end: Option<f64>,
 }
 
 /// Formats the value of a parameter: whole numbers below 1000 in full, others with two significant digits and an exponent.
@@ -175,6 +178,13 @@ impl Reference {
         }
         Some(off(&q, exact, largest(exact))?.max(off(qd, &self.end.1, self.speed)?))
     }
+
+    /// The estimated error of a final state, relative to what [`Reference::at_end`] is relative to.
+    fn estimated(&self, StateError { q, qd }: &StateError) -> Option<f64> {
+        let [q, qd] =
+            [(q, largest(&self.end.0)), (qd, self.speed)].map(|(of, size)| off(of, &vec![0.0; of.len()], size));
+        Some(q?.max(qd?))
+    }
 }
 
 fn is_impact(event: &Event) -> bool {
@@ -200,6 +210,8 @@ fn off(found: &[f64], exact: &[f64], size: f64) -> Option<f64> {
 /// Tolerance of the reference solution, and the loosest one for which its time steps are avoided.
 const TIGHT: f64 = 1e-13;
 const LOOSEST: f64 = 1e-11;
+/// The parameter of event-driven methods.
+const TOLERANCE: &str = "tolerance";
 /// Least duration and least number of runs of one measurement.
 const MEASURE: Duration = Duration::from_millis(150);
 const FEWEST: usize = 5;
@@ -248,7 +260,7 @@ impl Chart {
                     Simulation { integrator, tolerance, zeno_time, planar, ..base.clone() }
                 };
                 let method = (format!("events, {name}, {space}"), "the scene's".to_owned());
-                chart.sweep((scene, budget), method, "tolerance", tolerances(), at, done);
+                chart.sweep((scene, budget), method, TOLERANCE, tolerances(), at, done);
             }
         }
         let planar = spaces[0].0;
@@ -294,7 +306,8 @@ impl Chart {
             self.absent.push(Absent { method, reason });
         } else {
             self.peers.push(method.clone());
-            self.runs.push(Run { method, law: "its own".to_owned(), knob, value, wall_time, after_impact, at_end });
+            let (law, estimated_at_end) = ("its own".to_owned(), None);
+            self.runs.push(Run { method, law, knob, value, wall_time, after_impact, at_end, estimated_at_end });
         }
     }
 
@@ -305,13 +318,14 @@ impl Chart {
     pub fn print(&self, out: &mut dyn Write) -> io::Result<()> {
         writeln!(
             out,
-            "{:36} {:>20} {:>10} {:>12} {:>10}  law",
-            "method", "parameter", "time, ms", "after impact", "at the end"
+            "{:36} {:>20} {:>10} {:>12} {:>10} {:>9}  law",
+            "method", "parameter", "time, ms", "after impact", "at the end", "estimated"
         )?;
-        for Run { method, law, knob, value, wall_time, after_impact, at_end } in &self.runs {
+        for Run { method, law, knob, value, wall_time, after_impact, at_end, estimated_at_end } in &self.runs {
             let knob = format!("{knob} {}", knob_value(*value));
-            let (after, end) = (number(*after_impact), number(*at_end));
-            writeln!(out, "{method:36} {knob:>20} {:>10.4} {after:>12} {end:>10}  {law}", wall_time * 1e3)?;
+            let [after, end, estimated] = [after_impact, at_end, estimated_at_end].map(|error| number(*error));
+            let time = wall_time * 1e3;
+            writeln!(out, "{method:36} {knob:>20} {time:>10.4} {after:>12} {end:>10} {estimated:>9}  {law}")?;
         }
         self.caption().iter().try_for_each(|line| writeln!(out, "{line}"))?;
         for absent in &self.absent {
@@ -327,10 +341,12 @@ impl Chart {
         let number = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{x:e}"));
         let rows = self.runs.iter().map(|run| {
             let [value, time] = [run.value, run.wall_time].map(|x| format!("{x:e}"));
-            let [after, end] = [run.after_impact, run.at_end].map(number);
-            [run.method.clone(), run.knob.clone(), value, time, after, end, run.law.clone()]
+            let [after, end, estimated] = [run.after_impact, run.at_end, run.estimated_at_end].map(number);
+            [run.method.clone(), run.knob.clone(), value, time, after, end, run.law.clone(), estimated]
         });
-        for row in std::iter::once(HEAD.map(String::from)).chain(rows) {
+        let [method, knob, value, time, after, end, law] = HEAD;
+        let head = [method, knob, value, time, after, end, law, ESTIMATED].map(String::from);
+        for row in std::iter::once(head).chain(rows) {
             // writing into a vector does not fail
             let _ = lines.write_record(row);
         }
@@ -365,10 +381,12 @@ impl Chart {
         let before = self.runs.len();
         for value in values {
             let (sim, begin) = (simulation(value), Instant::now());
-            match measure(scene, &sim, &self.reference, MEASURE.min(budget)) {
-                Ok((wall_time, after_impact, at_end)) => {
+            // The errors of other methods do not follow from a tolerance.
+            let estimates = knob == TOLERANCE;
+            match measure(scene, &sim, &self.reference, (MEASURE.min(budget), estimates)) {
+                Ok((wall_time, [after_impact, at_end, estimated_at_end])) => {
                     let (method, law, knob) = (method.clone(), law.clone(), knob.to_owned());
-                    self.runs.push(Run { method, law, knob, value, wall_time, after_impact, at_end });
+                    self.runs.push(Run { method, law, knob, value, wall_time, after_impact, at_end, estimated_at_end });
                     if wall_time > budget.as_secs_f64() / 4.0 {
                         break; // the next run would exceed the budget
                     }
@@ -412,6 +430,8 @@ fn number(x: Option<f64>) -> String {
 
 /// The columns of a table of runs.
 const HEAD: [&str; 7] = ["method", "knob", "value", "wall_time_s", "error_after_impact", "error_at_end", "law"];
+/// One more, which a drawing of chosen methods does not need.
+const ESTIMATED: &str = "estimated_error_at_end";
 
 /// The runs of a table that [`Chart::csv`] has written.
 ///
@@ -448,21 +468,22 @@ fn from_csv(text: &str) -> Result<Vec<Run>, String> {
             wall_time,
             after_impact: perhaps(after)?,
             at_end: perhaps(end)?,
+            estimated_at_end: None,
         });
     }
     Ok(runs)
 }
 
-/// Time and errors of one run.
+/// Time of one run, its errors after the first impact and at the end, and its estimate of the latter.
 fn measure(
     scene: &Scene,
     sim: &Simulation,
     reference: &Reference,
-    long: Duration,
-) -> Result<(f64, Option<f64>, Option<f64>), String> {
+    (long, estimates): (Duration, bool),
+) -> Result<(f64, [Option<f64>; 3]), String> {
     // First the states, as a run that is refused needs no time.
     let soft = sim.touches.iter().any(|touch| touch.contact.compliance.is_some());
-    let mut watch = After { reference, sim, qd: None, rigid: false };
+    let mut watch = After { reference, sim, qd: None, rigid: false, events: Vec::new() };
     let sampling = Sampling { every: sim.stepping.then_some(sim.contact_step), ..Sampling::default() };
     let summary = sim
         .stream(&scene.q, &scene.qd, scene.duration, sampling, &mut |seen| watch.see(&seen))
@@ -484,7 +505,16 @@ fn measure(
     times.sort_by(f64::total_cmp);
 
     let after_impact = watch.qd.as_ref().and_then(|qd| reference.after_impact(qd));
-    Ok((times[times.len() / 2], after_impact, reference.at_end(&summary.last.q, &summary.last.qd)))
+    let at_end = reference.at_end(&summary.last.q, &summary.last.qd);
+    let estimated = estimates.then(|| {
+        let (simulation, flat, [kept, left_out]) = (sim.clone(), sim.in_plane(), [Vec::new(), Vec::new()]);
+        let (q, qd) = (scene.q.clone(), scene.qd.clone());
+        let plan = Plan { simulation, q, qd, flat, kept, left_out, bounded: Vec::new() };
+        let error = plan.error_of((scene.duration, None), (&watch.events, &[], &summary));
+        // Too tight a tolerance leaves no tighter one: no estimate.
+        error.ok().and_then(|error| reference.estimated(&error.last?))
+    });
+    Ok((times[times.len() / 2], [after_impact, at_end, estimated.flatten()]))
 }
 
 /// Records q̇ right after the first impact: for a rigid contact after the event; for a compliant contact after its end; for
@@ -495,11 +525,15 @@ struct After<'a> {
     qd: Option<Vec<f64>>,
     /// Whether a simultaneous impact of several contacts occurred.
     rigid: bool,
+    events: Vec<Event>,
 }
 
 impl After<'_> {
     fn see(&mut self, seen: &Seen) {
         self.rigid |= matches!(seen, Seen::Event(Event { kind: EventKind::Several { .. }, .. }));
+        if let Seen::Event(event) = seen {
+            self.events.push((*event).clone());
+        }
         let Some((time, _)) = self.reference.impact.as_ref().filter(|_| self.qd.is_none()) else { return };
         match seen {
             Seen::Event(event) if !self.sim.stepping && ends_impact(event) => self.qd = Some(event.qd_plus.clone()),

@@ -37,6 +37,8 @@ impl Chart {
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+/// An error of a run.
+type Error = fn(&Run) -> Option<f64>;
 type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
 
 /// Hues a golden angle apart, which differ clearly between neighbours in the list; every other one darker.
@@ -100,10 +102,10 @@ fn draw<'a>(root: &Area<'a>, chart: &Chart, title: &str, methods: &[&str]) -> Dr
     let (left, right) = panels.split_horizontally(PANEL.0);
     let looks = looks(chart, methods);
     let methods: Vec<(&str, Look)> = methods.iter().copied().zip(looks).collect();
-    panel(&left, chart, &methods, "error of q̇ right after the first impact", chart.doubt_after_impact, |run| {
-        run.after_impact
-    })?;
-    panel(&right, chart, &methods, "error of q and q̇ at the end", Some(chart.doubt_at_end), |run| run.at_end)?;
+    let after: [Error; 2] = [|run| run.after_impact, |_| None];
+    panel(&left, chart, &methods, "error of q̇ right after the first impact", chart.doubt_after_impact, after)?;
+    let end: [Error; 2] = [|run| run.at_end, |run| run.estimated_at_end];
+    panel(&right, chart, &methods, "error of q and q̇ at the end", Some(chart.doubt_at_end), end)?;
 
     let text = font(13).pos(Pos::new(HPos::Left, VPos::Center));
     let place = |k: usize| (20 + (k % 2) as i32 * PANEL.0 as i32, 12 + LINE * (k / 2) as i32);
@@ -128,7 +130,8 @@ fn draw<'a>(root: &Area<'a>, chart: &Chart, title: &str, methods: &[&str]) -> Dr
     for dash in [0, 9, 18] {
         below.draw(&PathElement::new([(x + dash, y), (x + dash + 5, y)], DOUBT.stroke_width(1)))?;
     }
-    below.draw(&Text::new("error of the reference solution", (x + 30, y), text.clone()))?;
+    let dashes = "error of the reference solution; fine dashes: errors at the end as the runs estimate them";
+    below.draw(&Text::new(dashes, (x + 30, y), text.clone()))?;
     let from = 12 + LINE * (methods.len() + 1).div_ceil(2) as i32;
     for (k, line) in chart.caption().into_iter().enumerate() {
         below.draw(&Text::new(line, (20, from + LINE * k as i32), text.clone()))?;
@@ -151,13 +154,14 @@ fn panel<'a>(
     methods: &[(&str, Look)],
     what: &str,
     doubt: Option<f64>,
-    error: impl Fn(&Run) -> Option<f64>,
+    [error, estimate]: [Error; 2],
 ) -> Drawn<'a> {
-    let points = |method: &str| -> Vec<(f64, f64)> {
+    let curve = |method: &str, error: Error| -> Vec<(f64, f64)> {
         let own = chart.runs.iter().filter(|run| run.method == method);
         own.filter_map(|run| Some((run.wall_time * 1e3, error(run)?.max(FLOOR)))).collect()
     };
-    let all: Vec<(f64, f64)> = methods.iter().flat_map(|(method, _)| points(method)).collect();
+    let all = methods.iter().flat_map(|(method, _)| [error, estimate].map(|of| curve(method, of))).flatten();
+    let all: Vec<(f64, f64)> = all.collect();
     if all.is_empty() {
         let font = ("sans-serif", 14).into_font().color(&BLACK);
         return area.draw(&Text::new(format!("{what}: no data"), (60, 60), font));
@@ -189,10 +193,12 @@ fn panel<'a>(
         axes.draw_series(DashedLineSeries::new(line, 5, 4, DOUBT.stroke_width(1)))?;
     }
     for &(method, look) in methods {
-        let points = points(method);
+        let points = curve(method, error);
         axes.draw_series(LineSeries::new(points.iter().copied(), look.colour.stroke_width(look.width)))?;
         let at = |p: &(f64, f64)| EmptyElement::at(*p) + Polygon::new(mark((0, 0), look.symbol), look.colour.filled());
         axes.draw_series(points.iter().map(at))?;
+        let estimates = curve(method, estimate);
+        axes.draw_series(DashedLineSeries::new(estimates, 2, 3, look.colour.stroke_width(1)))?;
     }
     Ok(())
 }
@@ -296,6 +302,7 @@ mod tests {
             wall_time: 1.0,
             after_impact: None,
             at_end: Some(1.0),
+            estimated_at_end: None,
         };
         let chart = Chart {
             runs: methods.iter().map(run).collect(),
