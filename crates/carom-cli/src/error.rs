@@ -51,15 +51,13 @@ pub enum CliError {
         /// The file that holds them.
         partial: std::path::PathBuf,
     },
-    /// Runs of `carom simulate --runs` that were interrupted; the answer is that of the first ones.
-    #[error("interrupted after {count} of {runs} runs{place}")]
+    /// Runs of `carom simulate --runs` without a table that were interrupted; the answer is that of the first ones.
+    #[error("interrupted after {count} of {runs} runs")]
     InterruptedRuns {
         /// Number of runs that are done.
         count: u64,
         /// Number of runs that were asked for.
         runs: u64,
-        /// Where their table is, if there is one.
-        place: String,
     },
     /// Cells of `carom stress` that are not as theory predicts.
     #[error("{count} cells are defects, see the notes in stress.md: {cells}")]

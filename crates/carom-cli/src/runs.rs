@@ -1,138 +1,122 @@
-//! `carom simulate --runs`: many runs of a scene from disturbed starts, as one table.
+//! `carom simulate --runs`: many runs of a scene with disturbances, as one table.
 
 use crate::error::CliError;
-use crate::output::{answer, progress, short};
-use carom_sim::{Plan, Scene};
-use carom_study::{ALL_THE_SAME, SCENE_KEY, Table, TableError, ensemble, run_columns};
+use crate::files;
+use crate::output::{answer, brief, progress, short};
+use crate::rows::RowOptions;
+use carom_sim::{Plan, Scene, SimError};
+use carom_study::{Covariance, Ensemble, Runs, Spread};
 use serde::Serialize;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 
 #[derive(Serialize)]
 struct Report {
-    runs: u64,
-    refused: u64,
+    #[serde(flatten)]
+    runs: Runs,
+    /// Rows that an interrupted run had left, and `--resume` took over: they are not among `runs`.
+    resumed: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
-    first_refusal: Option<String>,
-    impacts: Spread,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    first_impact: Option<Spread>,
-    lost_in_impacts: Spread,
+    covariance: Option<Covariance>,
 }
 
-/// A number over the runs that have one.
-#[derive(Serialize, Clone, Copy)]
-struct Spread {
-    count: u64,
-    mean: f64,
-    /// Standard deviation of the sample.
-    deviation: f64,
-    least: f64,
-    most: f64,
+/// What is asked of the runs of a scene.
+pub struct Asked<'a> {
+    /// Their number.
+    pub runs: u64,
+    pub rows: &'a RowOptions,
+    /// The table to write.
+    pub table: Option<&'a Path>,
+    /// Whether the covariance of the end is told, too.
+    pub covariance: bool,
+    pub json: bool,
 }
 
-/// Mean and variance by Welford's update.
-#[derive(Default)]
-struct Sample {
-    count: u64,
-    mean: f64,
-    squares: f64,
-    ends: Option<(f64, f64)>,
-}
-
-impl Sample {
-    fn add(&mut self, x: f64) {
-        self.count += 1;
-        let off = x - self.mean;
-        self.mean += off / self.count as f64;
-        self.squares += off * (x - self.mean);
-        let (least, most) = self.ends.unwrap_or((x, x));
-        self.ends = Some((least.min(x), most.max(x)));
-    }
-
-    fn spread(&self) -> Option<Spread> {
-        let (least, most) = self.ends?;
-        let deviation = (self.squares / (self.count.max(2) - 1) as f64).sqrt();
-        Some(Spread { count: self.count, mean: self.mean, deviation, least, most })
-    }
-}
-
-/// Runs a scene `runs` times, or fewer if `stop` is set meanwhile; one row of the table for each run.
-pub fn run(
-    (file, scene, plan): (&Path, &Scene, &Plan),
-    (runs, stop): (u64, &AtomicBool),
-    table: Option<&Path>,
-    json: bool,
-    out: &mut dyn Write,
-) -> Result<(), CliError> {
-    if scene.perturbation.is_none() {
-        return Err(CliError::Scene(format!("{}: --runs: {ALL_THE_SAME}", file.display())));
-    }
-    let names = run_columns(scene, plan);
-    let mut table = table.map(|path| Table::create_with(path, &names)).transpose()?;
-    table.iter_mut().for_each(|table| table.describe(SCENE_KEY, &scene.text));
-    let (mut refused, mut first_refusal) = (0, None);
-    let (mut impacts, mut first_impact, mut lost) = (Sample::default(), Sample::default(), Sample::default());
-    let bar = progress(runs, "{elapsed:>5} {bar:30} {pos}/{len} runs, {eta} to go");
-    let mut count = 0;
-    let done = ensemble((scene, plan), runs, stop, |run| {
-        bar.inc(1);
-        count += 1;
-        match &run.result {
-            Ok(summary) => {
-                impacts.add(run.impacts as f64);
-                run.first_impact.iter().for_each(|time| first_impact.add(*time));
-                lost.add(summary.energy.impacts);
-            }
-            Err(error) => {
-                refused += 1;
-                first_refusal.get_or_insert(format!("run {}: {error}", run.number));
-            }
+/// Runs a scene many times, or fewer if it is interrupted; one row of the table for each run.
+pub fn run((file, scene, plan): (&Path, &Scene, &Plan), asked: &Asked, out: &mut dyn Write) -> Result<(), CliError> {
+    let Asked { runs, rows: options, table, covariance, json } = *asked;
+    let refuse = |error| match error {
+        SimError::Scene { file: unnamed, rule } if unnamed.is_empty() => {
+            CliError::Scene(format!("{}: --runs: {rule}", file.display()))
         }
-        table.as_mut().map_or(Ok::<(), TableError>(()), |table| table.row(&run.row(names.len())))
-    });
-    bar.finish_and_clear();
-    done?;
-    let interrupted = count < runs;
-    if interrupted && count == 0 {
-        return Err(CliError::InterruptedRuns { count, runs, place: String::new() });
-    }
-    let (Some(impacts), Some(lost_in_impacts)) = (impacts.spread(), lost.spread()) else {
-        let why = first_refusal.unwrap_or_default();
-        return Err(CliError::Scene(format!("{}: all runs are refused; {why}", file.display())));
+        other => CliError::scene(file, other),
     };
-    let mut place = String::new();
-    match table {
-        Some(table) if interrupted => {
-            let (partial, rows) = table.finish_partial()?;
-            place = format!("; the table of the first {rows} is {}", partial.display());
+    let ensemble = Ensemble::new(scene, plan, runs).map_err(refuse)?;
+    let (pool, stop) = (options.pool()?, files::interrupts());
+    let rows = options.rows(runs, |part, parts| ensemble.shard(part, parts));
+    let total = rows.end - rows.start;
+    let ended = match table {
+        Some(path) => {
+            options.write((path, rows), (&pool, &stop), |file, count, stop| ensemble.write(file, count, stop))
         }
-        Some(table) => table.finish()?,
-        None => {}
+        None => {
+            let bar = progress(total, "{elapsed:>5} {bar:30} {pos}/{len} runs, {eta} to go");
+            pool.install(|| ensemble.rows(rows, &stop, |_| bar.inc(1)));
+            bar.finish_and_clear();
+            let count = ensemble.spread().runs;
+            if count < total { Err(CliError::InterruptedRuns { count, runs: total }) } else { Ok(()) }
+        }
+    };
+    // The answer of interrupted runs is that of those that are done.
+    let there = match &ended {
+        Err(CliError::Interrupted { rows, .. }) => *rows,
+        Err(CliError::InterruptedRuns { count, .. }) => *count,
+        Ok(()) => total,
+        Err(_) => return ended,
+    };
+    let spread = ensemble.spread();
+    if there == 0 {
+        return ended;
     }
-    let first_impact = first_impact.spread();
-    let report = Report { runs: count, refused, first_refusal, impacts, first_impact, lost_in_impacts };
-    let written = answer(out, &report, json, |report, out| {
-        writeln!(out, "{} runs, {} refused", report.runs, report.refused)?;
-        if let Some(why) = &report.first_refusal {
-            writeln!(out, "the first refusal: {why}")?;
-        }
-        let mut line = |name: &str, it: Spread| {
-            writeln!(
-                out,
-                "{name:>22}: mean {}, standard deviation {}, from {} to {} ({} runs)",
-                short(it.mean),
-                short(it.deviation),
-                short(it.least),
-                short(it.most),
-                it.count
-            )
-        };
-        line("impacts", report.impacts)?;
-        report.first_impact.map_or(Ok(()), |it| line("first impact, s", it))?;
-        line("lost in impacts, J", report.lost_in_impacts)
-    });
+    if spread.impacts.is_none() && spread.refused > 0 {
+        let why = spread.first_refusal.unwrap_or_default();
+        return Err(CliError::Scene(format!("{}: all runs are refused; {why}", file.display())));
+    }
+    let covariance = covariance.then(|| ensemble.covariance()).transpose();
+    let covariance = covariance.map_err(|e| CliError::Scene(format!("{}: --covariance: {e}", file.display())))?;
+    let report = Report { resumed: there - spread.runs, runs: spread, covariance };
+    let written = answer(out, &report, json, for_people);
     written.map_err(|refused| CliError::refused(file, refused))?;
-    if interrupted { Err(CliError::InterruptedRuns { count, runs, place }) } else { Ok(()) }
+    ended
+}
+
+fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
+    let Report { runs, resumed, covariance } = report;
+    write!(out, "{} runs, {} refused", runs.runs, runs.refused)?;
+    if *resumed > 0 {
+        write!(out, "; {resumed} more are in the table, from before the interruption")?;
+    }
+    writeln!(out)?;
+    if let Some(why) = &runs.first_refusal {
+        writeln!(out, "the first refusal: {why}")?;
+    }
+    let lines = [
+        ("impacts", runs.impacts),
+        ("first impact, s", runs.first_impact),
+        ("lost in impacts, J", runs.lost_in_impacts),
+    ];
+    for (name, spread) in lines {
+        let Some(Spread { count, mean, deviation, least, most }) = spread else { continue };
+        let [mean, deviation, least, most] = [mean, deviation, least, most].map(short);
+        writeln!(
+            out,
+            "{name:>22}: mean {mean}, standard deviation {deviation}, from {least} to {most} ({count} runs)"
+        )?;
+    }
+    writeln!(out, "{:>22}: in {} runs", "other events than run 0", runs.other_events)?;
+    covariance.as_ref().map_or(Ok(()), |it| covariance_for_people(it, out))
+}
+
+fn covariance_for_people(covariance: &Covariance, out: &mut dyn Write) -> io::Result<()> {
+    let Covariance { names, sampled, linear, event_times, broken } = covariance;
+    writeln!(out, "standard deviations of the end, of the runs and as the derivatives of run 0 predict them:")?;
+    for (k, name) in names.iter().enumerate() {
+        let predicted = linear.as_ref().map_or_else(|| "-".to_owned(), |rows| brief(rows[k][k].sqrt()));
+        writeln!(out, "{name:>22}: {:>10} {predicted:>10}", brief(sampled[k][k].sqrt()))?;
+    }
+    for event in event_times.iter().filter(|event| event.deviation.is_finite()) {
+        let what = format!("time of {} at {} s", event.kinds.join(", "), brief(event.time));
+        writeln!(out, "{what}: predicted {} s", brief(event.deviation))?;
+    }
+    broken.as_ref().map_or(Ok(()), |why| writeln!(out, "the end of run 0 has no derivatives: {why}"))
 }

@@ -6,7 +6,8 @@ use crate::from_state;
 use crate::impact::loads_for_people;
 use crate::output::{Printed, answer, say, short};
 use crate::record::{Record, Recorder};
-use crate::run_error::{self, Accuracy};
+use crate::rows::RowOptions;
+use crate::run_error;
 use crate::runs;
 use crate::scene::load;
 use crate::sensitivity::{self, Sensitivity};
@@ -49,11 +50,14 @@ const SAMPLE: f64 = 0.004;
 /// JSON keys with --sensitivity: sensitivity {names (of the columns: q and qd of the start by joint,
 ///   then parameters); final [{of, by}], a row for each number of the final state; events [{time,
 ///   kinds, time_by}]; broken {time, reason} instead of final where the derivatives end}.
-/// JSON keys with --runs: runs, refused, first_refusal; impacts, first_impact, lost_in_impacts, each
-///   {count, mean, deviation (of the sample), least, most} over the runs.
+/// JSON keys with --runs: runs, refused, first_refusal, other_events; impacts, first_impact,
+///   lost_in_impacts, each {count, mean, deviation (of the sample), least, most} over the runs;
+///   resumed (rows of the table that --resume took over, not among runs); with --covariance
+///   covariance {names, sampled (rows), linear (rows), event_times [{kinds, time, deviation}], broken}.
 /// If the run fails or is interrupted, nothing is printed, and no table and no recording is written.
-/// An interruption of --runs ends them early: the answer and the table, under the name X.partial.csv
-/// or X.partial.parquet, are those of the runs so far, and the exit status is 1.
+/// An interruption of --runs, or a full disk, keeps the rows that are done in X.partial.csv or
+/// X.partial.parquet, with a note X.partial.csv.json or X.partial.parquet.json; the exit status is 1,
+/// and --resume continues. Without a table the answer is that of the runs so far.
 #[derive(Args)]
 #[command(verbatim_doc_comment, after_long_help = statistics())]
 pub struct Simulate {
@@ -109,12 +113,14 @@ pub struct Simulate {
     /// and what compliant contacts remember are not part of a state.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     from_state: Option<PathBuf>,
-    /// Run N times from starts that `[run] perturb` disturbs; the table has a row for each run
+    /// Run N times with the disturbances of `[run] perturb`; the table has a row for each run
     ///
-    /// Columns of --out: run (0: the start itself), outcome (duration, events,
-    /// refused), impacts, first_impact (s), events; start.q.<joint>, start.qd.<joint>; end.time,
-    /// end.q.<joint>, end.qd.<joint>; energy_start, energy_end, lost_in_impacts, energy_error (J).
-    /// The runs use all processors; the table does not depend on their number.
+    /// Columns of --out: run (0: without disturbance), outcome (duration, events, refused), impacts,
+    /// first_impact (s), events, same_events (1 if the events are those of run 0); the numbers of the
+    /// scene that are disturbed; start.q.<joint>, start.qd.<joint>; end.time, end.q.<joint>,
+    /// end.qd.<joint>; energy_start, energy_end, lost_in_impacts, energy_error (J).
+    /// A row depends on its number only: --shard computes a part of them, and the table does not depend
+    /// on the number of threads.
     #[arg(
         long,
         value_name = "N",
@@ -122,6 +128,13 @@ pub struct Simulate {
         value_parser = clap::value_parser!(u64).range(1..)
     )]
     runs: Option<u64>,
+    /// With --runs, tell the covariance of the end, and that which the derivatives of run 0 predict
+    ///
+    /// Covariance of the displacements and velocities of the end over the runs, relative to run 0, beside
+    /// S Σ Sᵀ with the derivatives S of the end of run 0, as of --sensitivity, and the covariance Σ of the
+    /// disturbances; and the predicted standard deviations of the times of the events.
+    #[arg(long, verbatim_doc_comment, requires = "runs")]
+    covariance: bool,
     /// Estimate the error of the run: of every number of the final state and of the times of events
     ///
     /// By a run with a tenth of the tolerance, and where its events differ by one with a hundredth:
@@ -147,6 +160,8 @@ pub struct Simulate {
     /// all that begin with it: "torque elbow" for all rows of a table of torques.
     #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "sensitivity", verbatim_doc_comment)]
     wrt: Vec<String>,
+    #[command(flatten)]
+    rows: RowOptions,
     #[command(flatten)]
     record: Record,
     /// Print one line of JSON instead of text
@@ -212,12 +227,22 @@ impl Simulate {
                     "--runs: write one table, with --out, without --contacts, --events, --joint-loads and recordings";
                 return Err(CliError::Option(why.into()));
             }
-            let stop = files::interrupts();
+            if printed.is_asked() && self.rows.given().is_some() {
+                let option = self.rows.given().unwrap_or_default();
+                let why = format!(
+                    "{option}: a table on standard output has no parts: give the name of a table, .csv or .parquet"
+                );
+                return Err(CliError::Option(why));
+            }
             let ToAccuracy { scene, plan, .. } = scene.to_accuracy().map_err(refuse)?;
-            let (table, nowhere) = (tables.first().copied(), &mut io::sink());
-            let answer: &mut dyn Write = if printed.is_asked() { nowhere } else { &mut *out };
-            let ran = runs::run((&self.scene, &scene, &plan), (runs, &stop), table, self.json, answer);
+            let table = tables.first().copied();
+            let asked = runs::Asked { runs, rows: &self.rows, table, covariance: self.covariance, json: self.json };
+            let answer: &mut dyn Write = if printed.is_asked() { &mut io::sink() } else { &mut *out };
+            let ran = runs::run((&self.scene, &scene, &plan), &asked, answer);
             return if ran.is_ok() { printed.print(out) } else { printed.keep(ran) };
+        }
+        if let Some(option) = self.rows.given() {
+            return Err(CliError::Option(format!("{option} is for the rows of --runs: leave it out")));
         }
         files::clear_when_interrupted();
         let ToAccuracy { scene, plan, met } = scene.to_accuracy().map_err(refuse)?;

@@ -9,7 +9,7 @@ use crate::session::Session;
 use crate::table::Table;
 use crate::threads::{LOOK, interruptible, left_behind};
 use carom_sim::{Columns, Sampling, Seen};
-use carom_study::{ALL_THE_SAME, SCENE_KEY, ensemble, run_columns};
+use carom_study::{Ensemble, SCENE_KEY};
 use pyo3::exceptions::{PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 
@@ -137,39 +137,47 @@ impl Scene {
         Ok(LinearRun::new(self.functions.pass(run)?, columns))
     }
 
-    /// Runs the scene `count` times from starts that `[run] perturb` of the scene disturbs, on all cores.
+    /// Runs the scene `count` times with the disturbances of `[run] perturb` of the scene, on all cores.
+    ///
+    /// Args:
+    ///     count: number of runs.
+    ///     shard: (part, parts), counted from 1: computes this part of the runs only. A row depends on its number only, so that the parts in
+    ///         order are the whole table, wherever they are computed.
     ///
     /// Returns:
-    ///     A Table with a row for each run: run (0 is the start itself), outcome ("duration", "events", "refused"), impacts,
-    ///     first_impact (s), events; start.q.<joint>, start.qd.<joint>; end.time, end.q.<joint>, end.qd.<joint>; energy_start,
+    ///     A Table with a row for each run: run (0 has no disturbance), outcome ("duration", "events", "refused"), impacts,
+    ///     first_impact (s), events, same_events (1 if they are those of run 0); the disturbed numbers of the scene; start.q.<joint>, start.qd.<joint>; end.time, end.q.<joint>, end.qd.<joint>; energy_start,
     ///     energy_end, lost_in_impacts, energy_error (J).
     ///
     /// Raises:
-    ///     SimulationError: the scene has no disturbance.
-    ///     ValueError: the scene has a controller with a rate.
-    fn runs(&self, py: Python<'_>, count: u64) -> PyResult<Table> {
+    ///     SimulationError: the scene has no disturbance, or one of a key that it does not have.
+    ///     ValueError: the scene has a controller with a rate; no such part.
+    #[pyo3(signature = (count, *, shard=None))]
+    fn runs(&self, py: Python<'_>, count: u64, shard: Option<(u64, u64)>) -> PyResult<Table> {
         if self.functions.controller.as_ref().is_some_and(|it| it.rate().is_some()) {
             return Err(PyValueError::new_err("the scene has a controller with a rate: simulate each start by itself"));
         }
-        if self.scene.perturbation.is_none() {
-            return Err(exceptions::SimulationError::new_err(ALL_THE_SAME));
+        let disturbed = self.scene.perturbation.as_ref().is_some_and(|it| !it.numbers.is_empty());
+        if disturbed && !(self.functions.laws.is_empty() && self.functions.controller.is_none()) {
+            return Err(PyValueError::new_err(
+                "the scene has a law or a controller in Python, and its perturb disturbs numbers of its keys: simulate each scene by itself",
+            ));
         }
         let (scene, mut plan) = self.planned(py)?;
         let scene = scene.scene.clone();
-        let columns = run_columns(&scene, &plan);
-        let width = columns.len();
         let own = scene.clone();
-        let rows = left_behind(py, move |stop| {
+        let done = left_behind(py, move |stop| {
             plan.simulation.stop = Some(stop.clone());
+            let ensemble = Ensemble::new(&own, &plan, count)?;
+            let part = shard.map(|(part, parts)| ensemble.shard(part, parts));
+            let Some(range) = part.unwrap_or(Some(0..count)) else { return Ok(None) };
             let mut rows = Vec::new();
-            let each = |run: carom_study::Run| {
-                rows.extend(run.row(width));
-                Ok::<(), std::convert::Infallible>(())
-            };
-            let Ok(()) = ensemble((&own, &plan), count, stop, each);
-            rows
+            ensemble.rows(range, stop, |row| rows.extend(row));
+            Ok(Some((ensemble.columns().to_vec(), rows)))
         })?;
-        self.functions.pass(Ok(()))?;
+        let Some((columns, rows)) = self.functions.pass(done)? else {
+            return Err(PyValueError::new_err("shard: give (part, parts) with 1 ≤ part ≤ parts"));
+        };
         Ok(Table::of_rows(columns, &rows).with_text(SCENE_KEY, &scene.text))
     }
 }

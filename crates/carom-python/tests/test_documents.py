@@ -44,7 +44,7 @@ def test_every_snippet_of_a_page_runs(path, monkeypatch, tmp_path):
     monkeypatch.setenv("MPLBACKEND", "agg")
     names, found = {}, snippets(path)
     assert found
-    for library in ("scipy", "pinocchio", "mujoco"):
+    for library in ("scipy", "pinocchio", "mujoco", "dask"):
         if f"from {library}" in "".join(found) or f"import {library}" in "".join(found):
             pytest.importorskip(library)
     for snippet in found:

@@ -4,7 +4,7 @@
 //! - [`fit`]: fits of restitution and friction to recorded impacts; [`Tosses`]: roll-outs of measured tosses;
 //! - [`aim`]: numbers of a scene that are chosen such that its motion meets conditions, at least cost;
 //! - [`orbit`]: periodic orbits, their multipliers, and branches of them over a parameter;
-//! - [`ensemble()`]: many runs of a scene from disturbed starts;
+//! - [`Ensemble`]: many runs of a scene with disturbances;
 //! - [`hodograph`], [`routh_diagram`], [`impulse_space`]: diagrams of one impact that compare laws;
 //! - [`self_motion()`], [`tangential_map`]: maps of three-link and two-link arms; [`Table`]: CSV and Parquet tables;
 //!   [`state_columns`], [`contact_columns`], [`load_columns`]: those of a simulation; [`Part`]: files that are complete or not there.
@@ -26,7 +26,7 @@ mod table;
 pub mod tosses;
 
 pub use diagram::{Diagram, LawPoint, hodograph, impulse_space, routh_diagram};
-pub use ensemble::{ALL_THE_SAME, Run, ensemble, run_columns};
+pub use ensemble::{ALL_THE_SAME, Covariance, Ensemble, PredictedTime, Runs, Spread};
 pub use impact_map::{Approach, MapPoint, tangential_map};
 pub use numbered::{RowFile, RowsError, Written};
 pub use self_motion::{SelfMotionPoint, self_motion};

@@ -1,4 +1,4 @@
-//! Writes tables whose rows are functions of their number, in parts and with resumption: maps, cycles, basins.
+//! Writes tables whose rows are functions of their number, in parts and with resumption: maps, cycles, basins, ensembles.
 //!
 //! Rows are computed in parallel, written in the order of their numbers, in constant memory. All work runs on the threads of rayon's
 //! current pool. While the rows of one group are computed, the previous group is encoded, column by column, and the one before that is
@@ -50,6 +50,9 @@ pub(crate) trait NumberedRows: Sync {
 
     /// Computes the rows of a block.
     fn compute(&self, block: Block, carry: &mut Self::Carry);
+
+    /// Is called after a block has been computed, and is not discarded.
+    fn keep(&self) {}
 }
 
 /// Consecutive rows to be computed. If `stop` is set meanwhile, they are discarded.
@@ -280,6 +283,7 @@ impl<N: NumberedRows> Writing<'_, N> {
             if stop.load(Ordering::Relaxed) {
                 return rows.truncate(before);
             }
+            source.keep();
             *next += count as u64;
             if begun.elapsed() < BLOCK_TIME {
                 *length = (2 * *length).min(1 << 20).max(self.least());
@@ -364,6 +368,15 @@ impl<N: NumberedRows> Writing<'_, N> {
         })?;
         Ok(left.rows)
     }
+}
+
+/// Names and checksums of the files from which rows are computed.
+pub(crate) fn checksums(files: &[PathBuf]) -> impl Iterator<Item = (String, String)> {
+    files.iter().map(|file| {
+        // A file that has vanished since is not the one that was read.
+        let sum = std::fs::read(file).map_or_else(|e| e.to_string(), |bytes| crc32fast::hash(&bytes).to_string());
+        (file.display().to_string(), sum)
+    })
 }
 
 /// Length and CRC-32 of a file.

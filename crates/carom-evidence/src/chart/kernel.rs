@@ -78,6 +78,7 @@ impl Chart {
                     wall_time: *wall_time,
                     after_impact,
                     at_end: None,
+                    estimated_at_end: None,
                 });
             }
         }

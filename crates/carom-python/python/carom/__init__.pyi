@@ -1164,7 +1164,7 @@ class Scene:
         Raises:
             SimulationError, ChainError: an invalid mesh, a singular mass matrix at the start.
         """
-    def runs(self, count: int) -> Table:
+    def runs(self, count: int, *, shard: tuple[int, int] | None = None) -> Table:
         """Runs the scene `count` times from starts that `[run] perturb` of the scene disturbs, on all cores.
 
         Returns:

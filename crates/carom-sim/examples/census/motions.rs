@@ -34,7 +34,7 @@ impl Study {
         let scene = Scene::from_file(root.join(format!("scenes/{name}.toml")))?;
         let plan = scene.plan()?;
         let (q, qd) = (0..plan.qd.len()).map(size).unzip();
-        let disturbed = Perturbation { q, qd, seed: 17, distribution: Distribution::Uniform };
+        let disturbed = Perturbation { q, qd, numbers: Vec::new(), seed: 17, distribution: Distribution::Uniform };
         Ok(Self { name, duration: scene.duration, plan, disturbed, raised })
     }
 

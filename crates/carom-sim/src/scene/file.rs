@@ -197,6 +197,7 @@ key_group! {
     pub(crate) struct Perturb needs [] {
         q: Option<PerJoint>,
         qd: Option<PerJoint>,
+        numbers: BTreeMap<String, f64>,
         seed: u64,
         distribution: Distribution,
     }

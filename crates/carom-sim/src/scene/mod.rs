@@ -186,9 +186,11 @@ impl Scene {
                 None => Ok(vec![0.0; chain.nv()]),
             };
             let (q, qd) = (size("perturb.q", &given.q)?, size("perturb.qd", &given.qd)?);
-            match q.iter().chain(&qd).find(|x| !(x.is_finite() && **x >= 0.0)) {
+            let numbers: Vec<(String, f64)> = given.numbers.clone().into_iter().collect();
+            let sizes = q.iter().chain(&qd).chain(numbers.iter().map(|(_, size)| size));
+            match sizes.into_iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
                 Some(x) => Err(format!("perturb has the size {x}: it must be finite and not negative")),
-                None => Ok(Perturbation { q, qd, seed: given.seed, distribution: given.distribution }),
+                None => Ok(Perturbation { q, qd, numbers, seed: given.seed, distribution: given.distribution }),
             }
         });
         let perturbation = perturbation.transpose().map_err(|why| refuse(format!("[run] {why}")))?;

@@ -1,10 +1,10 @@
-//! Random disturbances of the start of a scene.
+//! Random disturbances of the start and of other numbers of a scene.
 
 use crate::error::SimError;
 use carom_chain::Chain;
 use serde::Deserialize;
 
-/// Random disturbances of the start, for many runs of one scene. Run `k` of a seed has always the same start.
+/// Random disturbances, for many runs of one scene. Run `k` of a seed has always the same ones.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Perturbation {
     /// Size of the displacement along each number of qd: rad, m. A floating joint is displaced along and turned about the
@@ -12,6 +12,8 @@ pub struct Perturbation {
     pub q: Vec<f64>,
     /// Size of the change of each number of qd, rad/s, m/s.
     pub qd: Vec<f64>,
+    /// Other numbers of the scene by the paths of their keys, with the sizes of their changes, in their units.
+    pub numbers: Vec<(String, f64)>,
     /// Seed of the random numbers.
     pub seed: u64,
     /// What size means.
@@ -42,19 +44,40 @@ impl Perturbation {
         if run == 0 {
             return Ok((q.to_vec(), qd.to_vec()));
         }
-        // The numbers of a run depend on seed and run only, so runs are independent of their order.
+        let mut draw = self.draws(run);
+        let displaced: Vec<f64> = self.q.iter().map(|size| size * draw()).collect();
+        let moved = chain.integrate(q, &displaced, 1.0)?;
+        Ok((moved, qd.iter().zip(&self.qd).map(|(v, size)| v + size * draw()).collect()))
+    }
+
+    /// The changes of [`numbers`](Self::numbers) in a run; none in run 0.
+    pub fn changes(&self, run: u64) -> Vec<f64> {
+        let mut draw = self.draws(run);
+        // After those of the start, which do not depend on them.
+        (0..self.q.len() + self.qd.len()).for_each(|_| _ = draw());
+        self.numbers.iter().map(|(_, size)| if run == 0 { 0.0 } else { size * draw() }).collect()
+    }
+
+    /// The standard deviation of a disturbance of this size.
+    pub fn deviation(&self, size: f64) -> f64 {
+        match self.distribution {
+            Distribution::Normal => size,
+            Distribution::Uniform => size / 3.0_f64.sqrt(),
+        }
+    }
+
+    /// Random numbers of size 1, which depend on seed and run only, so that runs are independent of their order.
+    fn draws(&self, run: u64) -> impl FnMut() -> f64 {
         let mut random = fastrand::Rng::with_seed(self.seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ run);
         random.u64(..);
-        let mut draw = || match self.distribution {
+        let distribution = self.distribution;
+        move || match distribution {
             Distribution::Uniform => 2.0 * random.f64() - 1.0,
             // Box and Muller's transformation; 1 − x is not zero.
             Distribution::Normal => {
                 let radius = (-2.0 * (1.0 - random.f64()).ln()).sqrt();
                 radius * (std::f64::consts::TAU * random.f64()).cos()
             }
-        };
-        let displaced: Vec<f64> = self.q.iter().map(|size| size * draw()).collect();
-        let moved = chain.integrate(q, &displaced, 1.0)?;
-        Ok((moved, qd.iter().zip(&self.qd).map(|(v, size)| v + size * draw()).collect()))
+        }
     }
 }

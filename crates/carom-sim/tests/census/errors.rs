@@ -55,7 +55,8 @@ fn start(seed: u64) -> Result<Scene, SimError> {
         q[2] += RAISED;
     }
     let [q_sizes, qd_sizes] = SIZES.map(|size| vec![size; chain.nv()]);
-    let disturbed = Perturbation { q: q_sizes, qd: qd_sizes, seed: 29, distribution: Distribution::Uniform };
+    let disturbed =
+        Perturbation { q: q_sizes, qd: qd_sizes, numbers: Vec::new(), seed: 29, distribution: Distribution::Uniform };
     for draw in 0..DRAWS {
         let own = disturbed.start(chain, (&q, &scene.qd), 1 + DRAWS * seed + draw)?;
         if scene.simulation.smallest_gap(&own.0)? > 0.0 || draw + 1 == DRAWS {

@@ -2,6 +2,7 @@
 
 use super::{Orbit, OrbitError, State};
 use crate::map_study::Axis;
+use crate::numbered::checksums;
 use crate::problem_file::{self, Formulas, evaluated, formulas};
 use carom_chain::Chain;
 use carom_sim::{LinearFunction, Parameter, Plan, Scene, Simulation, Touch};
@@ -276,13 +277,8 @@ impl Problem {
 
     /// What rows of a table are computed from: the files, and options of this name.
     pub(super) fn sources(&self, name: &str, options: String) -> Vec<(String, String)> {
-        let files = self.files.iter().map(|file| {
-            // A file that has vanished since is not the one that was read.
-            let sum = std::fs::read(file).map_or_else(|e| e.to_string(), |bytes| crc32fast::hash(&bytes).to_string());
-            (file.display().to_string(), sum)
-        });
         let mut all = vec![("the problem file".to_owned(), self.text.clone()), (name.to_owned(), options)];
-        all.extend(files);
+        all.extend(checksums(&self.files));
         all
     }
 
