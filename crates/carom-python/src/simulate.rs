@@ -1,6 +1,5 @@
 //! Methods of `Scene` that run it.
 
-use crate::error::exceptions;
 use crate::linear_run::LinearRun;
 use crate::run::{Run, Told};
 use crate::scene::Scene;
@@ -158,7 +157,7 @@ impl Scene {
             return Err(PyValueError::new_err("the scene has a controller with a rate: simulate each start by itself"));
         }
         let disturbed = self.scene.perturbation.as_ref().is_some_and(|it| !it.numbers.is_empty());
-        if disturbed && !(self.functions.laws.is_empty() && self.functions.controller.is_none()) {
+        if disturbed && !self.functions.are_none() {
             return Err(PyValueError::new_err(
                 "the scene has a law or a controller in Python, and its perturb disturbs numbers of its keys: simulate each scene by itself",
             ));

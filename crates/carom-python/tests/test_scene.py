@@ -336,10 +336,32 @@ def test_runs_from_disturbed_starts_begin_with_that_of_the_scene():
     columns = [name for name in table.columns if name.startswith("end.q")]
     assert [table[name][0] for name in ["end.time", *columns]] == [time, *q, *qd]
     assert len(set(table[columns[0]])) == 4
+    parts = [scene.runs(4, shard=(part, 3)) for part in (1, 2, 3)]
+    assert np.concatenate([part["run"] for part in parts]).tolist() == [0, 1, 2, 3]
+    assert np.concatenate([part[columns[0]] for part in parts]).tolist() == table[columns[0]].tolist()
+    with pytest.raises(ValueError, match="1 ≤ part ≤ parts"):
+        scene.runs(4, shard=(0, 3))
     with pytest.raises(carom.SimulationError, match="no disturbance.*perturb"):
         carom.Scene.from_file(ROOT / "scenes/planar2.toml").runs(3)
     with pytest.raises(ZeroDivisionError):
         scene.with_law(lambda H, u: 1 / 0).runs(2)
+
+
+def test_runs_disturb_numbers_by_their_keys_and_refuse_laws_of_their_own():
+    keys = {"run.perturb": {"numbers": {"contact.restitution": 0.05, "run.gravity[2]": 0.1}, "distribution": "uniform", "seed": 2}}
+    scene = carom.Scene.from_file(ROOT / "scenes/bounce.toml").with_keys(keys)
+    table = scene.runs(50)
+    e, g = table["contact.restitution"], table["run.gravity[2]"]
+    assert (e[0], g[0]) == (0.8, -9.81) and np.abs(e - 0.8).max() <= 0.05 and np.ptp(e) > 0.08
+    # The first impact is after a fall of 1 m.
+    close(table["first_impact"], np.sqrt(2 / -g), 1e-9)
+    # A start of one's own stays.
+    lower = scene.with_start([0, 0, 0.55, 0, 0, 0, 1]).runs(3)
+    close(lower["first_impact"], np.sqrt(2 * 0.5 / -lower["run.gravity[2]"]), 1e-9)
+    with pytest.raises(ValueError, match="a law or a controller in Python"):
+        scene.with_law(lambda H, u: [0, 0, -u[2] / H[2, 2]]).runs(2)
+    with pytest.raises(carom.SimulationError, match="perturb.numbers.*restitutoin"):
+        scene.with_keys({"run.perturb": {"numbers": {"contact.restitutoin": 0.1}}}).runs(2)
 
 
 def test_a_comparison_finds_the_law_that_made_the_data(rng):

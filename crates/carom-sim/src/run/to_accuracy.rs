@@ -106,7 +106,8 @@ impl Plan {
             }
             // A loose run that fails, or needs time steps, says nothing of tighter ones; the tightest tells why.
             if tolerance <= EXACT {
-                (run?, looser?);
+                run?;
+                looser?;
                 let error = error.unwrap_or(f64::INFINITY);
                 let why = format!(
                     "with the tolerance {tolerance:e} the estimated error is {error:.1e}, and rounding prevents a tighter one: ask for less, or give tolerance"
