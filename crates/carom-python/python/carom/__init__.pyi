@@ -266,9 +266,12 @@ class Chain:
             mass: masses of links instead of those of the file: a dict by link, kg. Rotational inertias change in proportion.
             inertia: rotational inertias of links about their centres of mass, along the axes of the link, instead of those of the file: a dict by
                 link of ixx, ixy, ixz, iyy, iyz, izz, kg m².
+            xacro: arguments of a xacro file, a dict by name. A file that is xacro is expanded by the package `xacro` (pip install xacro), which
+                finds packages as carom does.
 
         Raises:
-            UrdfError: the file cannot be read or breaks a rule; the message names line, element, value and rule.
+            UrdfError: the file cannot be read or breaks a rule; the message names line, element, value and rule. A xacro file, and the
+                package `xacro` is not installed, or refuses it.
         """
     @staticmethod
     def from_robot_description(
@@ -283,8 +286,8 @@ class Chain:
         mass: Mapping[str, float] = ...,
         inertia: Mapping[str, Sequence[float]] = ...,
     ) -> Chain:
-        """Reads a robot of the package `robot_descriptions`, for example "panda_description". The other arguments are those of
-        `from_urdf`.
+        """Reads a robot of the package `robot_descriptions`, for example "panda_description", with the arguments that the package gives for
+        a xacro file. The other arguments are those of `from_urdf`.
 
         Raises:
             ImportError: the package is not installed, or has no robot of this name, or cannot download it.
@@ -1165,16 +1168,21 @@ class Scene:
             SimulationError, ChainError: an invalid mesh, a singular mass matrix at the start.
         """
     def runs(self, count: int, *, shard: tuple[int, int] | None = None) -> Table:
-        """Runs the scene `count` times from starts that `[run] perturb` of the scene disturbs, on all cores.
+        """Runs the scene `count` times with the disturbances of `[run] perturb` of the scene, on all cores.
+
+        Args:
+            count: number of runs.
+            shard: (part, parts), counted from 1: computes this part of the runs only. A row depends on its number only, so that the parts in
+                order are the whole table, wherever they are computed.
 
         Returns:
-            A Table with a row for each run: run (0 is the start itself), outcome ("duration", "events", "refused"), impacts,
-            first_impact (s), events; start.q.<joint>, start.qd.<joint>; end.time, end.q.<joint>, end.qd.<joint>; energy_start,
+            A Table with a row for each run: run (0 has no disturbance), outcome ("duration", "events", "refused"), impacts,
+            first_impact (s), events, same_events (1 if they are those of run 0); the disturbed numbers of the scene; start.q.<joint>, start.qd.<joint>; end.time, end.q.<joint>, end.qd.<joint>; energy_start,
             energy_end, lost_in_impacts, energy_error (J).
 
         Raises:
-            SimulationError: the scene has no disturbance.
-            ValueError: the scene has a controller with a rate.
+            SimulationError: the scene has no disturbance, or one of a key that it does not have.
+            ValueError: the scene has a controller with a rate; no such part.
         """
     def simulate(self, *, sample: float | None = None, loads: bool = False, error: bool = False) -> Run:
         """Simulates the scene from event to event. The GIL is released, except while a function in Python is called.
@@ -1841,7 +1849,7 @@ def chart(
         title: of the picture; by default the name of the robot.
 
     Returns:
-        A dict of law, runs (method, law, knob, value, wall_time (s), after_impact, at_end), absent (method, reason),
+        A dict of law, runs (method, law, knob, value, wall_time (s), after_impact, at_end, estimated_at_end), absent (method, reason),
         doubt_after_impact and doubt_at_end (errors of the reference solution), csv and svg (texts); with stiffness of runs (factor,
         after_impact, at_end), order_after_impact, order_at_end, theory, csv, svg.
 

@@ -18,7 +18,7 @@ _one_at_a_time = threading.Lock()
 def _packages(folder, package_dirs):
     """``$(find NAME)`` as carom finds packages: xacro asks ``ament_index_python``, which ROS 2 alone has."""
     index = types.ModuleType("ament_index_python.packages")
-    index.get_package_share_directory = lambda name: _carom.find_package(name, folder, package_dirs)
+    index.get_package_share_directory = lambda name: str(_carom.find_package(name, folder, package_dirs))
     package = types.ModuleType("ament_index_python")
     package.packages = index
     mine = {"ament_index_python": package, "ament_index_python.packages": index}
@@ -63,8 +63,8 @@ def expand(path, given, package_dirs):
             document = xacro.process_file(str(path), mappings=arguments)
         except Exception as error:  # The package lets those of the XML parser, of files and of expressions through.
             xacro.print_location()
-            where = " ".join(said.getvalue().split())
-            raise UrdfError(f"{path}: xacro refuses the file: {error} ({where})") from error
+            why, where = (" ".join(text.split()) for text in (str(error), said.getvalue()))
+            raise UrdfError(f"{path}: xacro refuses the file: {why} ({where})") from error
     unknown = sorted(set(given or {}) - arguments.asked)
     if unknown:
         known = ", ".join(sorted(arguments.asked)) or "none"
