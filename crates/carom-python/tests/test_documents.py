@@ -42,7 +42,7 @@ def test_every_snippet_of_a_page_runs(path, monkeypatch, tmp_path):
     # The snippets of a page are read one after another, from the folder of the repository; files go elsewhere.
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("MPLBACKEND", "agg")
-    names, found = {}, snippets(path)
+    names, found = {"__name__": "__main__"}, snippets(path)
     assert found
     for library in ("scipy", "pinocchio", "mujoco", "dask"):
         if f"from {library}" in "".join(found) or f"import {library}" in "".join(found):
