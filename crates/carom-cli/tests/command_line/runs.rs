@@ -267,7 +267,7 @@ fn disturbed_numbers_have_the_covariance_that_the_derivatives_predict() {
     let desk = Desk::new();
     let sizes = "{ \"contact.restitution\" = 1e-3, \"run.gravity[1]\" = 1e-3 }";
     let scene = SCENE.replace("[0.7, 0, 0]", "[0.66, 0, 0]").replace("[-0.2, 0.3]", "[0.2, 1.0]");
-    desk.write("s.toml", format!("{scene}perturb = {{ qd = 1e-4, numbers = {sizes} }}\n"));
+    desk.write("s.toml", format!("{scene}perturb = {{ q = 1e-4, qd = 1e-4, numbers = {sizes} }}\n"));
     let runs = 2000;
     let report = desk.one(&format!("simulate s.toml --runs {runs} --covariance --out t.csv --json"));
     assert_eq!((report["refused"].as_u64(), report["other_events"].as_u64()), (Some(0), Some(0)));
