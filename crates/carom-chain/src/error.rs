@@ -30,7 +30,7 @@ pub enum ChainError {
     /// The file is xacro, from which a program of ROS makes URDF; `file` is the path or `<string>`.
     #[error(
         "{file}:{line}: {element}: the file is xacro, not URDF: expand it with `pip install xacro` and `xacro {} -o {}`",
-        words(&xacro_names(file)[0]), words(&xacro_names(file)[1])
+        quoted(&xacro_names(file)[0]), quoted(&xacro_names(file)[1])
     )]
     Xacro {
         /// Path of the file, or `<string>`.
@@ -227,14 +227,14 @@ fn xacro_names(file: &str) -> [String; 2] {
 }
 
 /// A file name as one word of a command.
-fn words(name: &str) -> String {
+fn quoted(name: &str) -> String {
     let plain = |letter: char| letter.is_alphanumeric() || "._-/+".contains(letter);
     if name.chars().all(plain) { name.into() } else { format!("'{}'", name.replace('\'', r"'\''")) }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{words, xacro_names};
+    use super::{quoted, xacro_names};
 
     #[test]
     fn commands_for_xacro_write_another_file() {
@@ -250,6 +250,6 @@ mod tests {
             assert_eq!(other, expanded);
             assert_ne!(own, other);
         }
-        assert_eq!(["my arm.xacro", "it's.xacro"].map(words), [r"'my arm.xacro'", r"'it'\''s.xacro'"]);
+        assert_eq!(["my arm.xacro", "it's.xacro"].map(quoted), [r"'my arm.xacro'", r"'it'\''s.xacro'"]);
     }
 }

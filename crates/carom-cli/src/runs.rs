@@ -5,7 +5,7 @@ use crate::files;
 use crate::output::{answer, brief, progress, short};
 use crate::rows::RowOptions;
 use carom_sim::{Plan, Scene, SimError};
-use carom_study::{Covariance, Ensemble, Runs, Spread};
+use carom_study::{Covariance, Ensemble, PredictedTime, Runs, Spread};
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::Path;
@@ -68,7 +68,8 @@ pub fn run((file, scene, plan): (&Path, &Scene, &Plan), asked: &Asked, out: &mut
     if there == 0 {
         return ended;
     }
-    if spread.impacts.is_none() && spread.refused > 0 {
+    // A table has their rows.
+    if table.is_none() && spread.impacts.is_none() {
         let why = spread.first_refusal.unwrap_or_default();
         return Err(CliError::Scene(format!("{}: all runs are refused; {why}", file.display())));
     }
@@ -114,9 +115,9 @@ fn covariance_for_people(covariance: &Covariance, out: &mut dyn Write) -> io::Re
         let predicted = linear.as_ref().map_or_else(|| "-".to_owned(), |rows| brief(rows[k][k].sqrt()));
         writeln!(out, "{name:>22}: {:>10} {predicted:>10}", brief(sampled[k][k].sqrt()))?;
     }
-    for event in event_times.iter().filter(|event| event.deviation.is_finite()) {
-        let what = format!("time of {} at {} s", event.kinds.join(", "), brief(event.time));
-        writeln!(out, "{what}: predicted {} s", brief(event.deviation))?;
+    for PredictedTime { kinds, time, deviation } in event_times {
+        let Some(deviation) = deviation else { continue };
+        writeln!(out, "time of {} at {} s: predicted {} s", kinds.join(", "), brief(*time), brief(*deviation))?;
     }
     broken.as_ref().map_or(Ok(()), |why| writeln!(out, "the end of run 0 has no derivatives: {why}"))
 }

@@ -227,8 +227,7 @@ impl Simulate {
                     "--runs: write one table, with --out, without --contacts, --events, --joint-loads and recordings";
                 return Err(CliError::Option(why.into()));
             }
-            if printed.is_asked() && self.rows.given().is_some() {
-                let option = self.rows.given().unwrap_or_default();
+            if let Some(option) = self.rows.given().filter(|_| printed.is_asked()) {
                 let why = format!(
                     "{option}: a table on standard output has no parts: give the name of a table, .csv or .parquet"
                 );

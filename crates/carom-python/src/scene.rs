@@ -54,11 +54,6 @@ struct OwnLaw {
 }
 
 impl Functions {
-    /// Whether the scene has no law and no controller in Python.
-    pub fn are_none(&self) -> bool {
-        self.laws.is_empty() && self.controller.is_none()
-    }
-
     /// Whether nothing acts beside the keys.
     pub fn is_empty(&self) -> bool {
         self.laws.is_empty() && self.controller.is_none()

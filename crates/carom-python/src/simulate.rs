@@ -145,8 +145,8 @@ impl Scene {
     ///
     /// Returns:
     ///     A Table with a row for each run: run (0 has no disturbance), outcome ("duration", "events", "refused"), impacts,
-    ///     first_impact (s), events, same_events (1 if they are those of run 0); the disturbed numbers of the scene; start.q.<joint>, start.qd.<joint>; end.time, end.q.<joint>, end.qd.<joint>; energy_start,
-    ///     energy_end, lost_in_impacts, energy_error (J).
+    ///     first_impact (s), events, same_events (1 if they are those of run 0); the disturbed numbers of the scene; start.q.<joint>,
+    ///     start.qd.<joint>; end.time, end.q.<joint>, end.qd.<joint>; energy_start, energy_end, lost_in_impacts, energy_error (J).
     ///
     /// Raises:
     ///     SimulationError: the scene has no disturbance, or one of a key that it does not have.
@@ -157,7 +157,7 @@ impl Scene {
             return Err(PyValueError::new_err("the scene has a controller with a rate: simulate each start by itself"));
         }
         let disturbed = self.scene.perturbation.as_ref().is_some_and(|it| !it.numbers.is_empty());
-        if disturbed && !self.functions.are_none() {
+        if disturbed && !self.functions.is_empty() {
             return Err(PyValueError::new_err(
                 "the scene has a law or a controller in Python, and its perturb disturbs numbers of its keys: simulate each scene by itself",
             ));

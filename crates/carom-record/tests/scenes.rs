@@ -175,3 +175,34 @@ fn links_whose_names_differ_in_a_space_are_two_entities() {
     let holds = |name: &str| bytes.windows(name.len()).any(|window| window == name.as_bytes());
     assert!(holds("/world/links/a_b") && holds(r"/world/links/a\ b"));
 }
+
+/// Estimated errors have plots, which a recording without them has not.
+#[test]
+fn estimated_errors_have_plots() {
+    let (desk, scene) = (Desk(Folder::new()), scene("planar2"));
+    let plan = scene.plan().unwrap();
+    let holds = |errors: bool| {
+        let path = desk.0.join("x.rrd");
+        let mut recorder = SceneRecorder::begin(&Target::File(path.clone()), &scene, &plan).unwrap();
+        let (mut events, mut moments) = (Vec::new(), Vec::new());
+        let sampling = Sampling { every: Some(0.05), ..Sampling::default() };
+        let run = plan.stream(scene.duration, sampling, &mut |seen| {
+            match &seen {
+                Seen::Event(event) => events.push((*event).clone()),
+                Seen::Moment(moment) => moments.push((*moment).clone()),
+                _ => {}
+            }
+            recorder.see(seen);
+        });
+        let run = run.unwrap();
+        if errors {
+            let error = plan.error_of((scene.duration, Some(0.05)), (&events, &moments, &run)).unwrap();
+            recorder.errors(&moments, &error.samples);
+        }
+        recorder.finish(&run).unwrap();
+        let bytes = std::fs::read(path).unwrap();
+        ["/series/error/position", "log10 of the errors of velocities"]
+            .map(|name| bytes.windows(name.len()).any(|window| window == name.as_bytes()))
+    };
+    assert_eq!((holds(true), holds(false)), ([true; 2], [false; 2]));
+}

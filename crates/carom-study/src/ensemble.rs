@@ -5,7 +5,7 @@ use crate::numbered::{self, Block, NumberedRows};
 use crate::scene_table::{SCENE_KEY, state_columns};
 use crate::table::{CHUNK, Column};
 use crate::{RowFile, RowsError, Written};
-use carom_sim::{Columns, Event, Moment, Perturbation, Plan, Sampling, Scene, Seen, SimError, StopReason, Summary};
+use carom_sim::{Columns, Moment, Perturbation, Plan, Sampling, Scene, Seen, SimError, StopReason, Summary};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -15,7 +15,7 @@ use std::sync::{Mutex, PoisonError};
 
 /// One run of a scene with its disturbances.
 #[derive(Debug, Clone)]
-pub struct Run {
+struct Run {
     /// Its number; 0 is the start itself.
     pub number: u64,
     /// The disturbed numbers of the scene.
@@ -33,7 +33,7 @@ pub struct Run {
 }
 
 /// What to tell of runs of a scene that has no [`perturbation`](Scene::perturbation).
-pub const ALL_THE_SAME: &str =
+const ALL_THE_SAME: &str =
     "the scene has no disturbance, and all runs would be the same: add [run] perturb = { q = …, qd = …, numbers = … }";
 
 /// How runs end, in the column `outcome`.
@@ -81,19 +81,15 @@ pub struct Ensemble<'s> {
     events: Vec<Mark>,
     /// The end of run 0.
     end: Option<Moment>,
-    seen: Mutex<Seens>,
+    seen: Mutex<Noted>,
 }
 
-/// What an event is: its kind and its contacts.
-type Mark = (&'static str, Vec<usize>);
-
-fn mark(event: &Event) -> Mark {
-    (event.kind.name(), event.kind.struck().iter().copied().chain(event.kind.touch()).collect())
-}
+/// What an event is: its kind, the names of its contacts, which have other numbers in other plans, and its joint.
+type Mark = (&'static str, Vec<String>, Option<String>);
 
 /// What was seen of the runs so far.
 #[derive(Default)]
-struct Seens {
+struct Noted {
     refused: u64,
     first_refusal: Option<String>,
     /// Runs with other events than run 0.
@@ -169,8 +165,9 @@ pub struct PredictedTime {
     pub kinds: Vec<String>,
     /// The time in run 0, s.
     pub time: f64,
-    /// Standard deviation, s.
-    pub deviation: f64,
+    /// Standard deviation, s; `None` for impacts so slow that the digits of their derivatives do not count.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub deviation: Option<f64>,
 }
 
 /// Mean and variance by Welford's update.
@@ -221,8 +218,6 @@ impl Cloud {
 
 /// Runs of one scene are computed in groups of this number for each thread; the threads wait for each other at the end of a group.
 const GROUP: u64 = 16;
-/// The key of the duration, which is no number of the simulation.
-const DURATION: &str = "run.duration";
 
 impl<'s> Ensemble<'s> {
     /// So many runs of a scene. Where the disturbances are of the start only, all have the plan of the scene.
@@ -245,7 +240,9 @@ impl<'s> Ensemble<'s> {
         let mut events = Vec::new();
         let first = plan.stream(scene.duration, Sampling::default(), &mut |seen| {
             if let Seen::Event(event) = seen {
-                events.push(mark(event));
+                let (kind, touches, joint) = event.kind.mark();
+                let names = touches.into_iter().map(|touch| plan.simulation.touches[touch].name.clone());
+                events.push((kind, names.collect(), joint.map(str::to_owned)));
             }
         });
         (own.events, own.end) = (events, first.ok().map(|summary| summary.last));
@@ -331,7 +328,7 @@ impl<'s> Ensemble<'s> {
         // Of the numbers of the start that the plan keeps.
         let sizes = self.kept(&self.given.q).into_iter().chain(self.kept(&self.given.qd));
         let sizes = sizes.chain(self.given.numbers.iter().map(|it| it.1));
-        let deviations = DVector::from_iterator(found.names.len(), sizes.map(|size| self.given.deviation(size)));
+        let deviations: Vec<f64> = sizes.map(|size| self.given.deviation(size)).collect();
         let linear = found.last_by.map(|mut by| {
             by.column_iter_mut().zip(&deviations).for_each(|(mut column, size)| column *= *size);
             rows(&(&by * by.transpose()))
@@ -339,7 +336,10 @@ impl<'s> Ensemble<'s> {
         let event_times = found.events.iter().map(|event| PredictedTime {
             kinds: event.kinds.iter().map(ToString::to_string).collect(),
             time: event.time,
-            deviation: event.time_by.iter().zip(&deviations).map(|(by, size)| (by * size).powi(2)).sum::<f64>().sqrt(),
+            deviation: Some(
+                event.time_by.iter().zip(&deviations).map(|(by, size)| (by * size).powi(2)).sum::<f64>().sqrt(),
+            )
+            .filter(|deviation| deviation.is_finite()),
         });
         let event_times = event_times.collect();
         let broken = found.broken.map(|it| format!("at {} s {}", it.time, it.reason));
@@ -410,7 +410,10 @@ impl<'s> Ensemble<'s> {
                 impacts += 1;
                 first_impact.get_or_insert(event.time);
             }
-            same &= self.events.get(count).is_some_and(|own| own.0 == event.kind.name() && *own == mark(event));
+            let (kind, touches, joint) = event.kind.mark();
+            let names = touches.iter().map(|touch| &plan.simulation.touches[*touch].name);
+            let is = |own: &Mark| own.0 == kind && own.1.iter().eq(names) && own.2.as_deref() == joint;
+            same &= self.events.get(count).is_some_and(is);
             count += 1;
         });
         let same_events = same && count == self.events.len();
@@ -422,7 +425,6 @@ impl<'s> Ensemble<'s> {
         let paths = self.given.numbers.iter().map(|(path, _)| path);
         let values: Vec<(String, f64)> = paths.cloned().zip(numbers.iter().copied()).collect();
         let mut scene = self.scene.with_values(&values)?;
-        scene.duration = values.iter().find(|(path, _)| path == DURATION).map_or(scene.duration, |(_, value)| *value);
         // A start of one's own stays, unless the numbers are of the start.
         if (&scene.q, &scene.qd) == (&self.of_file.0, &self.of_file.1) {
             (scene.q, scene.qd) = (self.scene.q.clone(), self.scene.qd.clone());

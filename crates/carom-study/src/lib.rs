@@ -26,7 +26,7 @@ mod table;
 pub mod tosses;
 
 pub use diagram::{Diagram, LawPoint, hodograph, impulse_space, routh_diagram};
-pub use ensemble::{ALL_THE_SAME, Covariance, Ensemble, PredictedTime, Runs, Spread};
+pub use ensemble::{Covariance, Ensemble, PredictedTime, Runs, Spread};
 pub use impact_map::{Approach, MapPoint, tangential_map};
 pub use numbered::{RowFile, RowsError, Written};
 pub use self_motion::{SelfMotionPoint, self_motion};

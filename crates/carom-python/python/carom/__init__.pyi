@@ -1177,8 +1177,8 @@ class Scene:
 
         Returns:
             A Table with a row for each run: run (0 has no disturbance), outcome ("duration", "events", "refused"), impacts,
-            first_impact (s), events, same_events (1 if they are those of run 0); the disturbed numbers of the scene; start.q.<joint>, start.qd.<joint>; end.time, end.q.<joint>, end.qd.<joint>; energy_start,
-            energy_end, lost_in_impacts, energy_error (J).
+            first_impact (s), events, same_events (1 if they are those of run 0); the disturbed numbers of the scene; start.q.<joint>,
+            start.qd.<joint>; end.time, end.q.<joint>, end.qd.<joint>; energy_start, energy_end, lost_in_impacts, energy_error (J).
 
         Raises:
             SimulationError: the scene has no disturbance, or one of a key that it does not have.

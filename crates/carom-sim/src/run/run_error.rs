@@ -63,17 +63,6 @@ pub struct StateError {
     pub qd: Vec<f64>,
 }
 
-/// What an event is, apart from its numbers: its kind, and its contacts or its joint.
-fn mark(event: &Event) -> (&'static str, Vec<usize>, Option<&str>) {
-    let (touches, joint) = match &event.kind {
-        EventKind::NonUnique { touches, .. } => (touches.clone(), None),
-        EventKind::Joint { joint, .. } => (Vec::new(), Some(joint.as_str())),
-        kind if kind.is_impact() => (kind.struck().to_vec(), None),
-        kind => (kind.touch().into_iter().collect(), None),
-    };
-    (event.kind.name(), touches, joint)
-}
-
 /// A run as far as it is compared.
 pub(super) struct Outline {
     pub events: Vec<Event>,
@@ -232,7 +221,7 @@ fn estimate(apart: f64, most: f64, size: f64) -> f64 {
 /// The index of the event of the other run for each of one's own, and whether the events are the same, but for the number of impacts of an
 /// accumulation at one contact.
 fn pair(own: &[Event], others: &[Event]) -> (Vec<Option<usize>>, bool) {
-    let [own, others] = [own, others].map(|events| events.iter().map(mark).collect::<Vec<_>>());
+    let [own, others] = [own, others].map(|events| events.iter().map(|event| event.kind.mark()).collect::<Vec<_>>());
     let mut pairs = vec![None; own.len()];
     let (mut i, mut j, mut same) = (0, 0, true);
     loop {

@@ -114,6 +114,18 @@ impl StepReason {
 }
 
 impl EventKind {
+    /// What happens, apart from its numbers: the name of the kind, the contacts, the joint.
+    #[doc(hidden)]
+    pub fn mark(&self) -> (&'static str, Vec<usize>, Option<&str>) {
+        let (touches, joint) = match self {
+            Self::NonUnique { touches, .. } => (touches.clone(), None),
+            Self::Joint { joint, .. } => (Vec::new(), Some(joint.as_str())),
+            kind if kind.is_impact() => (kind.struck().to_vec(), None),
+            kind => (kind.touch().into_iter().collect(), None),
+        };
+        (self.name(), touches, joint)
+    }
+
     /// Name of the kind: `impact`, `several`, `latch`, `limit`, `zeno`, `lift-off`, `joint-stops`, `joint-moves`,
     /// `stepping`, `non-unique` or `rest`.
     /// For [`EventKind::Mode`] the name of the mode (`free`, `sliding`, `sticking`, `latched`, `pressing`).

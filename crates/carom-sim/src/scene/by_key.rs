@@ -33,8 +33,8 @@ impl Scene {
         path::get(&mut keys, path).map_err(|why| of_key(path, &why))
     }
 
-    /// The same scene with these numbers at the paths of keys of the file. The duration is that of this scene, and the start that of the
-    /// file.
+    /// The same scene with these numbers at the paths of keys of the file. The duration is that of this scene unless it is among them, and
+    /// the start that of the file.
     ///
     /// # Errors
     /// As [`Scene::with_number`].
@@ -42,7 +42,8 @@ impl Scene {
         let scene = self.with_keys(|keys| {
             values.iter().try_for_each(|(path, value)| path::set(keys, path, *value).map_err(|why| of_key(path, &why)))
         });
-        Ok(Self { duration: self.duration, ..scene? })
+        let own = values.iter().find(|(path, _)| path == "run.duration");
+        Ok(Self { duration: own.map_or(self.duration, |(_, duration)| *duration), ..scene? })
     }
 
     /// The scene of the file with other values at the paths of keys.

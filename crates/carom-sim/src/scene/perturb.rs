@@ -52,10 +52,13 @@ impl Perturbation {
 
     /// The changes of [`numbers`](Self::numbers) in a run; none in run 0.
     pub fn changes(&self, run: u64) -> Vec<f64> {
+        if run == 0 || self.numbers.is_empty() {
+            return vec![0.0; self.numbers.len()];
+        }
         let mut draw = self.draws(run);
         // After those of the start, which do not depend on them.
         (0..self.q.len() + self.qd.len()).for_each(|_| _ = draw());
-        self.numbers.iter().map(|(_, size)| if run == 0 { 0.0 } else { size * draw() }).collect()
+        self.numbers.iter().map(|(_, size)| size * draw()).collect()
     }
 
     /// The standard deviation of a disturbance of this size.

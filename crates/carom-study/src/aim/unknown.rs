@@ -78,10 +78,7 @@ impl Given {
         if values.is_empty() {
             return Ok(self.scene.clone());
         }
-        let duration = self.unknowns.iter().zip(u).find_map(|(own, value)| own.duration(*value));
-        let mut scene = self.scene.with_values(&values)?;
-        scene.duration = duration.unwrap_or(scene.duration);
-        Ok(scene)
+        self.scene.with_values(&values)
     }
 
     /// The simulation at these values, and its duration.
