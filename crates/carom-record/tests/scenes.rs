@@ -201,7 +201,7 @@ fn estimated_errors_have_plots() {
         }
         recorder.finish(&run).unwrap();
         let bytes = std::fs::read(path).unwrap();
-        ["/series/error/position", "log10 of the errors of velocities"]
+        ["/series/error/position", "log10 of the errors"]
             .map(|name| bytes.windows(name.len()).any(|window| window == name.as_bytes()))
     };
     assert_eq!((holds(true), holds(false)), ([true; 2], [false; 2]));
