@@ -3,7 +3,7 @@
     pip install pin mujoco      # beside the package of this folder
     python crates/carom-python/benches/beside.py
 
-Prints the least time of repeated runs. The Rust times of one impact are those of `cargo run --release -p carom-study --example doors`,
+Prints the least time of repeated runs. The Rust times of one impact are those of `cargo bench -p carom-study --bench doors`,
 which the script runs before and after its own; without cargo they are left out. All compute with the same file and its inertias; the
 results are compared. With RAYON_NUM_THREADS=1 batches use one core.
 """

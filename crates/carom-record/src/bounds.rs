@@ -1,6 +1,7 @@
 //! Extent of a scene, for the sizes of what is drawn and for the position of the viewer's eye.
 
 use crate::geometry::{Body, Look};
+use crate::rerun;
 use carom_chain::algebra::{Pose, z_onto};
 use carom_chain::{Chain, FrameId, Kinematics, Spatial};
 use carom_contact::{Obstacle, Surface as Form};

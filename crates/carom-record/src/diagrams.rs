@@ -8,11 +8,12 @@
 use crate::bounds::{Bounds, Eye};
 use crate::geometry::fixed;
 use crate::layout::{self, Cursor, Tile};
+use crate::rerun;
+use crate::rerun::{AsComponents, EntityPath, EntityPathPart, Radius};
 use crate::target::{Sink, Target};
 use crate::{RecordError, round, summary};
 use carom_study::{Diagram, Mark, Stroke, Symbol};
 use nalgebra::Vector3;
-use rerun::{AsComponents, EntityPath, EntityPathPart, Radius};
 
 const AXES: u32 = 0x8a93_a3ff;
 /// Marks nearer to each other than this share of the window share one label.

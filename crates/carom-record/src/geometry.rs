@@ -2,6 +2,8 @@
 
 use crate::RecordError;
 use crate::bounds::{Bounds, quaternion, xyz};
+use crate::rerun;
+use crate::rerun::{AsComponents, EntityPath, EntityPathPart, FillMode};
 use crate::target::Sink;
 use carom_chain::algebra::{Pose, z_onto};
 use carom_chain::urdf::{Collision, Shape, Visual};
@@ -9,7 +11,6 @@ use carom_chain::{Chain, ChainError, FrameId, Kinematics, Plane, Spatial};
 use carom_contact::{ContactError, LinkShape, Mesh, Solid, Surface as Form};
 use carom_sim::Surface;
 use nalgebra::{Isometry3, Matrix3, Vector3};
-use rerun::{AsComponents, EntityPath, EntityPathPart, FillMode};
 
 /// Colours of the links, in turn.
 const LINKS: [u32; 3] = [0x4e79_a7ff, 0xa0cb_e8ff, 0x7f8f_a9ff];

@@ -3,10 +3,11 @@
 use crate::RecordError;
 use crate::bounds::xyz;
 use crate::geometry::{fixed, plain};
+use crate::rerun;
+use crate::rerun::{EntityPath, EntityPathPart};
 use crate::target::Sink;
 use carom_sim::{ContactMode, ContactState, EventKind, Touch};
 use nalgebra::Vector3;
-use rerun::{EntityPath, EntityPathPart};
 use std::collections::BTreeMap;
 
 const FORCE: u32 = 0x59c1_7aff;

@@ -5,12 +5,13 @@
 
 use crate::RecordError;
 use crate::bounds::{Eye, xyz};
+use crate::rerun;
+use crate::rerun::AsComponents;
+use crate::rerun::blueprint::components as part;
+use crate::rerun::blueprint::datatypes as datatype;
+use crate::rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg};
 use crate::target::{APPLICATION, Sink};
-use rerun::AsComponents;
-use rerun::blueprint::components as part;
-use rerun::blueprint::datatypes as datatype;
-use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg};
-use rerun::external::re_sdk_types::blueprint::archetypes as blueprint;
+use re_sdk_types::blueprint::archetypes as blueprint;
 
 /// A view, or a row or column of tiles with their shares of the space.
 pub(crate) enum Tile {

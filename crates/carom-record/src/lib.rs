@@ -20,8 +20,15 @@ pub use map::{check_map, record_map};
 pub use scene::SceneRecorder;
 pub use target::Target;
 
+/// The recorder of Rerun with what it logs, under the names that the crate `rerun` has for them.
 #[doc(hidden)] // for the recording of the example planar2
-pub use rerun;
+pub mod rerun {
+    pub use re_sdk::*;
+    pub use re_sdk_types::archetypes::*;
+    pub use re_sdk_types::components::{AlbedoFactor, Color, FillMode, Radius};
+    pub use re_sdk_types::datatypes::Quaternion;
+    pub use re_sdk_types::{components, datatypes};
+}
 
 use std::path::PathBuf;
 

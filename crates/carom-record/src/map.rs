@@ -8,6 +8,7 @@
 use crate::RecordError;
 use crate::bounds::{Bounds, Eye};
 use crate::layout::{self, Cursor, Tile};
+use crate::rerun;
 use crate::target::{Sink, Target};
 use carom_chain::{Chain, Spatial, Workspace};
 use carom_study::map_study::{Evaluator, Study, StudyError, Values};

@@ -2,13 +2,14 @@
 
 use crate::RecordError;
 use crate::geometry::fixed;
+use crate::rerun;
+use crate::rerun::components::AggregationPolicy;
 use crate::target::Sink;
 use carom_chain::algebra::z_onto;
 use carom_chain::{Chain, Coordinates, Kinematics, Plane, Point, Spatial};
 use carom_contact::{LinkShape, Obstacle, Surface as Form, gap};
 use carom_sim::{JointImpulse, Scene, Simulation, Surface};
 use nalgebra::Vector3;
-use rerun::components::AggregationPolicy;
 
 /// Colours of the lines, in turn.
 const LINES: [u32; 8] =

@@ -19,6 +19,8 @@ use crate::geometry::{self, Drawn, fixed, of_surface, transform};
 use crate::lasting::Lanes;
 use crate::layout::{self, Cursor, Tile};
 use crate::measures::{ERROR, MOTOR, Measures, THROUGH};
+use crate::rerun;
+use crate::rerun::AsComponents;
 use crate::target::{Sink, Target};
 use crate::{RecordError, round, summary};
 use carom_chain::algebra::{Pose, z_onto};
@@ -26,7 +28,6 @@ use carom_chain::{Chain, Plane, Spatial, Workspace};
 use carom_contact::{Surface as Form, found_shapes};
 use carom_sim::{ContactImpulse, ContactState, Event, EventLoads, Moment, Plan, Scene, Seen, StateError, Summary};
 use nalgebra::{Matrix3, Vector3};
-use rerun::AsComponents;
 use std::collections::BTreeMap;
 
 const PATH: u32 = 0xffb0_00ff;

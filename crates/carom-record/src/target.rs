@@ -1,9 +1,10 @@
 //! Destinations of recordings: a file, which is complete or not there, or a viewer.
 
 use crate::RecordError;
+use crate::rerun;
+use crate::rerun::external::re_uri::{self, RedapUri};
+use crate::rerun::{RecordingStream, RecordingStreamBuilder};
 use carom_study::Part;
-use rerun::external::re_uri::{self, RedapUri};
-use rerun::{RecordingStream, RecordingStreamBuilder};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 

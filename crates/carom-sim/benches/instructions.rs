@@ -2,7 +2,7 @@
 //!
 //! `.ci/instructions` runs this under callgrind for every kernel and compares the counts with its table. With the argument
 //! `time` it prints the shortest of up to 2000 times, measured for up to three seconds:
-//! `cargo run --release -p carom-sim --example instructions -- planar2 chain time`.
+//! `cargo bench -p carom-sim --bench instructions -- planar2 chain time`.
 
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, Point, uniform_chain};
@@ -19,7 +19,8 @@ const LONGEST: Duration = Duration::from_secs(3);
 const MANY: usize = 1024;
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    // `cargo bench` adds an argument of its own.
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
     let (robot, kernel, time) = match arguments.as_slice() {
         [robot, kernel] => (robot, kernel, false),
         [robot, kernel, time] if time == "time" => (robot, kernel, true),

@@ -1,6 +1,6 @@
 //! Run time of each way to compute an impact, beside the fused kernel of the same run.
 //!
-//! `cargo run --release -p carom-study --example doors` prints nanoseconds and, in brackets, multiples of the kernel of the
+//! `cargo bench -p carom-study --bench doors` prints nanoseconds and, in brackets, multiples of the kernel of the
 //! same robot (frictionless impact, M and H included; in the plane for planar robots): the least of 60 batches over 64 random
 //! states. The states are the same for every row.
 
