@@ -119,6 +119,6 @@ def test_the_version_is_that_of_the_crates():
 
 def test_the_version_of_rerun_is_that_of_the_recordings():
     manifest = (ROOT / "crates/carom-record/Cargo.toml").read_text()
-    version = re.search(r'^rerun = \{ version = "=([\d.]+)"', manifest, flags=re.MULTILINE)[1]
+    version = re.search(r'^re_sdk = "=([\d.]+)"', manifest, flags=re.MULTILINE)[1]
     for text in (carom.record.__doc__, *((ROOT / page).read_text() for page in ("book/src/python.md", "crates/carom-python/README.md"))):
         assert version in text

@@ -5,6 +5,7 @@ mod diagrams;
 mod fit;
 mod map_pictures;
 mod map_study;
+mod orbit_atlas;
 mod orbit_tables;
 mod orbits;
 mod part;
