@@ -15,12 +15,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
     println!("| orbit | law | period, s | largest multiplier | stability | energy gained in impacts, J |");
     println!("| --- | --- | --- | --- | --- | --- |");
-    let names = ["compass", "wheel", "ball", "rattle", "hammer2", "hammer3", "hammer7", "hopper", "block"].map(
-        |name| match name {
-            "compass" => name.to_string(),
-            _ => format!("atlas/{name}"),
-        },
-    );
+    let names = [
+        "compass",
+        "atlas/wheel",
+        "atlas/ball",
+        "atlas/rattle",
+        "atlas/hammer2",
+        "atlas/hammer3",
+        "atlas/hammer7",
+        "atlas/hopper",
+        "atlas/block",
+    ];
     for name in names {
         let file = root.join(format!("studies/{name}.toml"));
         let text = std::fs::read_to_string(&file)?;

@@ -2,8 +2,8 @@
 
 use crate::orbits::close;
 use carom_impact::LAW_NAMES;
-use carom_sim::Sampling;
-use carom_study::orbit::{OrbitError, Problem, Stability};
+use carom_sim::{Sampling, Scene};
+use carom_study::orbit::{Problem, Stability};
 use carom_testing::files::path;
 
 /// A problem of the atlas with a part of its text replaced.
@@ -42,9 +42,14 @@ fn a_damped_arm_hops_for_ever_only_under_laws_that_gain_energy() {
             &format!("with = {{ \"contact.law\" = \"{law}\" }}\nsection.contact"),
         );
         if !["whittaker", "newton"].contains(&law) {
-            let refused = problem.find().unwrap_err();
-            let rests = matches!(refused, OrbitError::NoReturn { .. } | OrbitError::NoDerivative { .. });
-            assert!(rests, "{law}: {refused}");
+            problem.find().unwrap_err();
+            let file = path("studies/atlas/hopper_scene.toml");
+            let scene =
+                std::fs::read_to_string(&file).unwrap().replace("law = \"whittaker\"", &format!("law = \"{law}\""));
+            let plan = Scene::from_toml(&scene, file.parent().unwrap()).unwrap().plan().unwrap();
+            let end = plan.stream(60.0, Sampling::default(), &mut |_| {}).unwrap().last;
+            let moving = end.qd.iter().fold(0.0_f64, |most, rate| most.max(rate.abs()));
+            assert!(moving < 1e-9, "{law}: {moving} rad/s after a minute");
             continue;
         }
         let orbit = problem.find().unwrap();
@@ -52,7 +57,7 @@ fn a_damped_arm_hops_for_ever_only_under_laws_that_gain_energy() {
         // The section is the impact at the end of the period.
         let plan = problem.plan_of(&orbit).unwrap();
         let books = plan.stream(orbit.period * (1.0 + 1e-9), Sampling::default(), &mut |_| {}).unwrap().energy;
-        assert!(books.impacts < -0.7, "{books:?}");
+        close("impacts add, J", -books.impacts, 0.76, 0.005);
         close("the motors take what impacts add", books.drive, books.impacts, 1e-7);
         // A second route: the scene itself, without Newton's method.
         let start = carom_study::orbit::State { q: vec![0.54, -0.2], qd: vec![2.2, -4.3] };
