@@ -15,6 +15,7 @@ mod completions;
 mod consistency;
 mod dynamics;
 mod error;
+mod feedback;
 mod files;
 mod fit;
 mod from_state;
@@ -108,6 +109,7 @@ enum Use {
     Plan(plan::PlanCommand),
     Simulate(simulate::Simulate),
     Aim(aim::AimCommand),
+    Feedback(feedback::FeedbackCommand),
     Orbit(orbit::OrbitCommand),
     Tosses(tosses::TossesCommand),
     Fit(fit::FitCommand),
@@ -163,6 +165,7 @@ fn main() -> ExitCode {
             Use::Plan(command) => command.run(stdout),
             Use::Simulate(command) => command.run(stdout),
             Use::Aim(command) => command.run(stdout),
+            Use::Feedback(command) => command.run(stdout),
             Use::Orbit(command) => command.run(stdout),
             Use::Tosses(command) => command.run(stdout),
             Use::Fit(command) => command.run(stdout),

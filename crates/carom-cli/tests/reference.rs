@@ -231,6 +231,7 @@ fn keys_of_answers_are_those_of_the_page() {
                 ("aim studies/aims/racket.toml --starts 3 --json".into(), ""),
             ],
         ),
+        ("feedback", vec![("feedback scenes/planar2.toml --json".into(), "")]),
         (
             "orbit",
             vec![

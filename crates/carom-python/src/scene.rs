@@ -9,7 +9,8 @@ use crate::pickle::{Parts, Pickled, Sources, fields, tuple};
 use crate::text::{by_keys, changed_text, toml_text, written};
 use crate::threads::left_behind;
 use carom_sim::path::add;
-use carom_sim::{Plan, SimError, ToAccuracy};
+use carom_sim::{Plan, Regulator, SimError, ToAccuracy};
+use carom_study::tracked;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -407,6 +408,49 @@ impl Scene {
         let mut other = self.other(scene);
         other.functions.controller = Some(controller);
         Ok(other)
+    }
+
+    /// Feedback along the motion of this scene, through its impacts: the gains of the linear-quadratic regulator.
+    ///
+    /// Args:
+    ///     position, velocity, torque: deviations that cost the same: of each displacement (rad, m), each velocity (rad/s, m/s) and the
+    ///         force of each motor (N m, N).
+    ///     end: for how long a deviation lasts that costs what it costs at the end of the motion, s.
+    ///     joints: names of those that have feedback; by default those with forces in the motion, or all.
+    ///     rows: least number of rows of the table.
+    ///     table: the name that the scene file gives its table.
+    ///
+    /// Returns:
+    ///     A dict with the JSON keys of ``carom feedback --help``: rows, motors, impacts, growth; and scene, the text of a scene file with
+    ///     the feedback, for the folder of this scene; and table, the text of its table (CSV).
+    ///
+    /// Raises:
+    ///     SimulationError: a controller with feedback; a motion without derivatives; a deviation that is not positive.
+    ///     ValueError: a law or a controller was given after reading.
+    #[pyo3(signature = (*, position=0.01, velocity=0.1, torque=1.0, end=1.0, joints=Vec::new(), rows=200, table="feedback.csv"))]
+    #[allow(clippy::too_many_arguments)] // by name
+    fn feedback<'py>(
+        &self,
+        py: Python<'py>,
+        position: f64,
+        velocity: f64,
+        torque: f64,
+        end: f64,
+        joints: Vec<String>,
+        rows: usize,
+        table: &str,
+    ) -> PyResult<Array<'py>> {
+        if !self.functions.is_empty() {
+            return Err(refuse("no keys say a law of with_law or a function of with_controller"));
+        }
+        let folder = self.sources.folder.clone();
+        let (scene, plan) = Self::of_keys(py, &written(&self.keys()?)?, folder.clone())?.planned(py)?;
+        let regulator = Regulator { position, velocity, force: torque, end, rows, joints };
+        let found = py.detach(|| tracked((&scene.scene, &plan), &regulator, (&folder, table))).map_err(raise)?;
+        let answer = pythonize(py, &found)?;
+        answer.set_item("scene", found.scene)?;
+        answer.set_item("table", found.table)?;
+        Ok(answer)
     }
 
     /// What a run models and what it leaves out: a dict of "joints", "kept" and "left_out" (dicts of what, choice, why) and

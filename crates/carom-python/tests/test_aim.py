@@ -1,13 +1,16 @@
-"""Aims: the closed forms of a mass that bounces."""
+"""Aims: the closed forms of a mass that bounces; feedback along motions."""
 
 import math
 import pathlib
+import tomllib
 
+import numpy as np
 import pytest
 
 import carom
 
-AIMS = pathlib.Path(__file__).parents[3] / "studies" / "aims"
+ROOT = pathlib.Path(__file__).parents[3]
+AIMS = ROOT / "studies" / "aims"
 KEYS = {
     "scene": "bounce_scene.toml",
     "unknown": [{"number": "contact.restitution", "from": 0.1, "to": 0.9}],
@@ -36,3 +39,20 @@ def test_what_is_not_reached_is_an_error():
         carom.aim(KEYS | {"condition": [{"value": "z", "equals": 9.0}]}, folder=AIMS)
     with pytest.raises(carom.StudyError, match="nothing is asked"):
         carom.aim({k: v for k, v in KEYS.items() if k != "condition"}, folder=AIMS)
+
+
+def test_feedback_along_a_motion_is_a_scene_and_a_table(tmp_path):
+    scene = carom.Scene.from_file(ROOT / "scenes" / "planar2.toml")
+    found = scene.feedback(torque=0.1, table="gains.csv")
+    assert found["motors"] == ["shoulder", "elbow"] and found["impacts"] == 1
+    assert found["growth"]["with"] < 0.1 * found["growth"]["without"]
+    (tmp_path / "gains.csv").write_text(found["table"])
+    keys = tomllib.loads(found["scene"])
+    keys["robot"]["urdf"] = str(ROOT / "robots" / "planar2.urdf")
+    tracked = carom.Scene.from_dict(keys, folder=tmp_path)
+    ends = [np.concatenate([run.q[-1], run.qd[-1]]) for run in (scene.simulate(), tracked.simulate())]
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-7)
+    with pytest.raises(carom.SimulationError, match="'wrist' is no joint with one coordinate: there are shoulder, elbow"):
+        scene.feedback(joints=["wrist"])
+    with pytest.raises(ValueError, match="no keys say a law"):
+        scene.with_law(carom.Newton(0.5)).feedback()

@@ -279,6 +279,9 @@ pub enum SimError {
         "derivatives of an impact with locked or impedance-weighted joints are not implemented: leave the joints free"
     )]
     DerivativeOfHeldJoints,
+    /// A motion or a robot to which no feedback can be added; the text says why.
+    #[error("feedback: {0}")]
+    Feedback(String),
     /// An invalid scene file.
     #[error("{file}: {}", shortened(rule, MESSAGE))]
     Scene {

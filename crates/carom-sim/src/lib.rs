@@ -48,15 +48,16 @@ pub use impact::{
     States, Strike, StruckPoint, frictionless_jump_into, impact_loads, saltation,
 };
 pub use model::{
-    Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint, Observed, Parameter, Pd,
-    Reference, RobotDrive, Simulation, Spring, TorqueTable, Tracking, Transition, Wrench, WrenchAxes,
+    Controller, Drive, Feedback, FeedbackRow, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint,
+    Observed, Parameter, Pd, Reference, RobotDrive, Simulation, Spring, TorqueTable, Tracking, Transition, Wrench,
+    WrenchAxes,
 };
 pub use motion::{ContactState, NonUnique, free_motion};
 pub use plan::{Bounded, Decision, Plan};
 pub use run::{
     Advance, Broken, ByOutcome, Columns, EnergyBooks, Event, EventKind, EventLoads, EventTime, LinearRun, Met,
-    RunError, Sampling, Seen, Segment, Sensitivity, Session, SessionState, StateError, Statistics, StepReason,
-    StopReason, Summary, ToAccuracy, Trajectory,
+    Regulator, RunError, Sampling, Seen, Segment, Sensitivity, Session, SessionState, StateError, Statistics,
+    StepReason, StopReason, Summary, ToAccuracy, Trajectory,
 };
 pub use scene::{Distribution, Perturbation, Scene};
 pub use state::{ContactImpulse, LinearFunction, Moment, Profile};

@@ -15,6 +15,7 @@ mod drives_and_surfaces;
 mod energy_balance;
 mod event_times;
 mod faces;
+mod feedback;
 mod held_joints;
 mod impact_at_points;
 mod jams;

@@ -4,6 +4,7 @@
 //! - [`fit`]: fits of restitution and friction to recorded impacts; [`Tosses`]: roll-outs of measured tosses;
 //! - [`aim`]: numbers of a scene that are chosen such that its motion meets conditions, at least cost;
 //! - [`orbit`]: periodic orbits, their multipliers, and branches of them over a parameter;
+//! - [`tracked`]: feedback along the motion of a scene, through its impacts;
 //! - [`Ensemble`]: many runs of a scene with disturbances;
 //! - [`hodograph`], [`routh_diagram`], [`impulse_space`]: diagrams of one impact that compare laws;
 //! - [`self_motion()`], [`tangential_map`]: maps of three-link and two-link arms; [`Table`]: CSV and Parquet tables;
@@ -12,9 +13,11 @@
 pub mod aim;
 mod diagram;
 mod ensemble;
+mod feedback;
 pub mod fit;
 mod impact_map;
 pub mod map_study;
+mod moved_scene;
 mod numbered;
 pub mod orbit;
 mod part;
@@ -27,6 +30,7 @@ pub mod tosses;
 
 pub use diagram::{Diagram, LawPoint, hodograph, impulse_space, routh_diagram};
 pub use ensemble::{Covariance, Ensemble, PredictedTime, Runs, Spread};
+pub use feedback::{Growth, Tracked, tracked};
 pub use impact_map::{Approach, MapPoint, tangential_map};
 pub use numbered::{RowFile, RowsError, Written};
 pub use self_motion::{SelfMotionPoint, self_motion};

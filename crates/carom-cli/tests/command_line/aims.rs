@@ -21,6 +21,62 @@ fn the_scene_the_table_and_the_answer_are_of_one_motion() {
     assert_eq!(torques.lines().count(), 10);
 }
 
+/// The scene with feedback makes the same strike, and disturbed starts end nearer to it by the factor that the answer says or more.
+#[test]
+fn the_scene_with_feedback_repeats_the_motion_and_holds_disturbed_starts_to_it() {
+    let desk = Desk::with_studies();
+    desk.one("aim studies/aims/bounce.toml --out bounce.toml --json");
+    let found = desk.one("feedback bounce.toml --torque 10 --out tracked.toml --json");
+    assert_eq!((found["impacts"].as_u64(), found["motors"].as_array().map(Vec::len)), (Some(1), Some(1)), "{found}");
+    let [without, with] = ["without", "with"].map(|key| found["growth"][key].as_f64().unwrap());
+    assert!(without > 2.0 && with < 1e-4, "{found}");
+    let end = |scene: &str, start: f64| {
+        let text = std::fs::read_to_string(desk.0.join(scene)).unwrap();
+        std::fs::write(desk.0.join("moved.toml"), text.replace("4.0001", &start.to_string())).unwrap();
+        let run = desk.one("simulate moved.toml --json");
+        assert_eq!(run["events"].as_array().map(Vec::len), Some(1), "{run}");
+        [&run["final"]["q"][0], &run["final"]["qd"][0]].map(|x| x.as_f64().unwrap())
+    };
+    let off = |a: [f64; 2], b: [f64; 2]| ((a[0] - b[0]) / 0.01).hypot((a[1] - b[1]) / 0.1);
+    let aim = end("bounce.toml", 4.0001);
+    assert!(off(end("tracked.toml", 4.0001), aim) < 1e-4);
+    // 2 cm are two deviations.
+    for start in [3.9801, 4.0201] {
+        let missed = [end("bounce.toml", start), end("tracked.toml", start)].map(|other| off(other, aim));
+        assert!(missed[0] > 0.5 && missed[1] < 2.0 * 1.1 * with + 1e-4, "{missed:?}");
+    }
+}
+
+#[test]
+fn feedback_that_cannot_be_is_refused_with_names() {
+    let desk = Desk::with_studies();
+    desk.one("aim studies/aims/nail.toml --out blow.toml --json");
+    desk.one("feedback blow.toml --out tracked.toml --json");
+    let (scene, table) = ["tracked.toml", "tracked.feedback.csv"].map(|name| std::fs::read_to_string(desk.0.join(name)).unwrap()).into();
+    let write = |name: &str, text: String| std::fs::write(desk.0.join(name), text).unwrap();
+    let other = |name: &str| scene.replace("tracked.feedback.csv", name);
+    write("half.toml", other("half.csv"));
+    write("half.csv", table.replacen(",0,", ",0.5,", 1));
+    write("name.toml", other("name.csv"));
+    write("name.csv", table.replacen("gain.elbow.qd.elbow", "gain.elbow.qd.elbo", 1));
+    write("three.toml", scene.replace("torque_file = \"blow.torques.csv\"", "torque = [1, 2, 3]"));
+    write("both.toml", scene.replace("torque_file", "torque = [1, 2]\ntorque_file"));
+    for (args, told) in [
+        ("feedback scenes/racket.toml", "racket.toml: feedback: controller = \"pd\": it is added to a motion without it"),
+        ("feedback scenes/box.toml", "box.toml: feedback: 'box' has no joint with one coordinate"),
+        ("feedback blow.toml --joints nix", "feedback: 'nix' is no joint with one coordinate: there are shoulder, elbow"),
+        ("feedback blow.toml --position 0", "deviation of positions is 0: it must be positive"),
+        ("feedback blow.toml --out blow.toml", "the command reads this file"),
+        ("simulate half.toml", "half.csv: impacts = 0.5 at the time"),
+        ("simulate name.toml", "name.csv: column gain.elbow.qd.elbo is not known"),
+        ("simulate three.toml", "torque"),
+        ("simulate both.toml", "takes torque or torque_file, not both"),
+    ] {
+        let ran = desk.run(args);
+        assert!(ran.code == Some(1) && ran.err.contains(told), "{args}: {ran:?}");
+    }
+}
+
 #[test]
 fn aims_that_are_not_reached_and_wrong_problems_name_file_key_and_rule() {
     let desk = Desk::with_studies();

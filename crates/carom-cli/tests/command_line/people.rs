@@ -101,7 +101,7 @@ fn every_help_fits_100_columns_and_describes_computation_input_output_and_option
         let listed = overview.split_once(title).unwrap().1.split("\n\n").next().unwrap();
         listed.lines().map(|line| line.split_whitespace().next().unwrap()).collect::<Vec<_>>()
     });
-    assert_eq!((used.last(), used.len()), (Some(&"help"), 14), "13 commands and `help`: {used:?}");
+    assert_eq!((used.last(), used.len()), (Some(&"help"), 15), "14 commands and `help`: {used:?}");
     assert_eq!(tests, ["chart", "stress", "paper", "consistency"]);
     let commands = [used, tests].concat();
     for words in ["Exit status:", "  0  Done.", "  1  An input is refused.", "  2  Wrong command line."] {

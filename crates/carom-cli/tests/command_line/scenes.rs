@@ -352,7 +352,7 @@ fn invalid_settings_are_refused() {
             gravity = [0, nan, 0]
                 gravity is NaN: every component must be finite
             contact_stp = 1
-                line 14: unknown field `contact_stp`, expected one of `duration`, `tolerance`, `accuracy`, `gravity`, `sample`, `max_step`, `zeno_time`, `contact_step`, `max_events`, `method`, `model`, `neglect`, `effort_limits`, `perturb`, `controller`, `after_impact`, `target`, `kp`, `kd`, `torque`, `torque_file`, `reference`, `feed_forward`, `gain`, `press`, `compensate`; did you mean `contact_step`?
+                line 14: unknown field `contact_stp`, expected one of `duration`, `tolerance`, `accuracy`, `gravity`, `sample`, `max_step`, `zeno_time`, `contact_step`, `max_events`, `method`, `model`, `neglect`, `effort_limits`, `perturb`, `controller`, `after_impact`, `target`, `kp`, `kd`, `torque`, `torque_file`, `feedback_file`, `reference`, `feed_forward`, `gain`, `press`, `compensate`; did you mean `contact_step`?
         "#),
     );
     let inside = SCENE.replace("0.6364, 0, 0", "0.63, 0, 0");

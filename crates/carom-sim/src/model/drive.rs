@@ -2,6 +2,7 @@
 
 use super::control_law::{Add, Asked, Body, ControlLaw, Driven, Number, Part, State};
 use super::controller::{Controller, UserController};
+use super::feedback::Feedback;
 use super::gains::{Gains, Motor, motors};
 use super::impact_controllers::{ImpactInvariant, Transition};
 use super::pd::Pd;
@@ -29,6 +30,8 @@ pub enum Drive {
     Pd(Pd),
     /// Tracking of a reference trajectory.
     Tracking(Tracking),
+    /// Feedback with gains over time along a motion, through its impacts.
+    Feedback(Feedback),
     /// The joint forces that balance gravity. A floating base is not held: it falls unless contacts carry it.
     GravityCompensation,
     /// Transition from free motion to contact (Pagilla & Yu).
@@ -54,6 +57,7 @@ macro_rules! of_controller {
             Drive::Table($own) => $call,
             Drive::Pd($own) => $call,
             Drive::Tracking($own) => $call,
+            Drive::Feedback($own) => $call,
             Drive::GravityCompensation => {
                 let $own = Box::leak(Box::new(GravityCompensation));
                 $call
@@ -80,6 +84,7 @@ impl Drive {
             Self::Table(_) => "torque-file",
             Self::Pd(_) => "pd",
             Self::Tracking(_) => "tracking",
+            Self::Feedback(_) => "feedback",
             Self::GravityCompensation => "gravity-compensation",
             Self::Transition(_) => "transition",
             Self::ImpactInvariant(_) => "impact-invariant",
@@ -91,7 +96,7 @@ impl Drive {
     /// Whether the joint forces do not depend on time explicitly.
     pub(crate) fn is_steady(&self) -> bool {
         self.each_robot().all(|(_, own)| match own {
-            Self::Table(_) | Self::Tracking(_) => false,
+            Self::Table(_) | Self::Tracking(_) | Self::Feedback(_) => false,
             Self::User(own) => own.0.is_steady(),
             _ => true,
         })

@@ -3,6 +3,7 @@
 mod control_law;
 mod controller;
 mod drive;
+mod feedback;
 mod gains;
 mod impact_controllers;
 mod loops;
@@ -18,6 +19,7 @@ mod wrench;
 pub(crate) use control_law::{Asked, Number};
 pub use controller::{Controller, Observed};
 pub use drive::{Drive, RobotDrive};
+pub use feedback::{Feedback, FeedbackRow};
 pub use gains::Gains;
 pub(crate) use gains::{Motor, motors};
 pub use impact_controllers::{ImpactInvariant, Transition};

@@ -1,6 +1,7 @@
 //! The numbers of a simulation by which a run can be differentiated.
 
 use super::control_law::Number;
+use super::drive::Drive;
 use super::gains::{Motor, motors};
 use super::simulation::Simulation;
 use crate::contact::{ContactLaw, Touch};
@@ -170,6 +171,17 @@ impl Parameter {
         let name = row.map_or_else(|| format!("{name} {joint}"), |row| format!("{name} {joint} {}", row + 1));
         let place = Place::Motor { number, joint: motor };
         Self { place, ..Self::new(name, size.abs().max(1.0), change) }
+    }
+
+    /// A force that is added to the table of torques at a joint, at all times.
+    pub(crate) fn of_table(joint: Motor) -> Self {
+        let change = move |simulation: &mut Simulation, delta: f64| {
+            if let Drive::Table(own) = &mut simulation.drive {
+                own.forces.iter_mut().for_each(|row| row[joint.v] += delta);
+            }
+        };
+        let number = Number { name: "torque", row: None };
+        Self { place: Place::Motor { number, joint }, ..Self::new("torque", 1.0, change) }
     }
 
     fn of_reference(joint: &str, row: usize, size: f64, motor: Motor) -> Self {

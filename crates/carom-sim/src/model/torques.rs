@@ -70,7 +70,8 @@ impl ControlLaw for TorqueTable {
         match number.row {
             Some(row) if row == before => 1.0 - share,
             Some(row) if row == after => share,
-            _ => 0.0,
+            Some(_) => 0.0,
+            None => 1.0,
         }
     }
 

@@ -1,5 +1,6 @@
 //! A run as a linear map from changes of its start and parameters to those of its outcome, and its transpose.
 
+use super::sampler::Step;
 use super::trajectory::Event;
 use super::variation::{Gauss, LinearStep};
 use crate::error::{SimError, require};
@@ -104,6 +105,8 @@ fn uncounted(numbers: &[f64]) -> bool {
 pub(crate) trait Maps {
     /// `None` where the equations of the map are singular.
     fn add(&mut self, piece: Piece) -> Option<()>;
+    /// The step of the motion whose map follows, which has so many impacts before it.
+    fn step(&mut self, _step: &Step, _impacts: usize) {}
     /// S up to now.
     fn columns(&mut self) -> Option<DMatrix<f64>>;
 }

@@ -26,8 +26,8 @@ const SHORT: f64 = 0.01;
 
 /// Gauss's collocation method with four stages.
 pub(crate) struct Gauss {
-    a: Matrix4<f64>,
-    b: Vector4<f64>,
+    pub a: Matrix4<f64>,
+    pub b: Vector4<f64>,
 }
 
 impl Gauss {
@@ -328,6 +328,27 @@ impl LinearStep {
         }
         run.y_of(&run.x_of(&step.states[3], &memory));
         Ok(Self { h, sizes: (known, n - known), slopes, pushes, acting })
+    }
+
+    /// Its length, s.
+    pub fn length(&self) -> f64 {
+        self.h
+    }
+
+    /// A and P at the four points, of all numbers of x and of this number of parameters.
+    pub fn equations(&self, parameters: usize) -> Vec<[DMatrix<f64>; 2]> {
+        let (nq, r) = self.sizes;
+        let n = nq + r;
+        let whole = |(slope, push): (&DMatrix<f64>, &DMatrix<f64>)| {
+            let mut all = [DMatrix::zeros(n, n), DMatrix::zeros(n, parameters)];
+            all[0].view_mut((0, nq), (nq, nq)).fill_with_identity();
+            all[0].rows_mut(nq, r).copy_from(slope);
+            for (k, &p) in self.acting.iter().enumerate() {
+                all[1].view_mut((nq, p), (r, 1)).copy_from(&push.column(k));
+            }
+            all
+        };
+        self.slopes.iter().zip(&self.pushes).map(whole).collect()
     }
 
     /// The matrix of the stages Z, or its transpose.

@@ -4,7 +4,7 @@ use super::file::{CONTROLLERS, Control, Controller, PerJoint, Target};
 use super::surface::half_space;
 use super::table::Columns;
 use crate::contact::Surface;
-use crate::model::{Drive, Gains, ImpactInvariant, Pd, Reference, TorqueTable, Tracking, Transition, motors};
+use crate::model::{Drive, Feedback, Gains, ImpactInvariant, Pd, Reference, TorqueTable, Tracking, Transition, motors};
 use carom_chain::{Chain, ChainError, Coordinates};
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
@@ -22,6 +22,7 @@ const ROWS: [Row; CONTROLLERS.len()] = [
     (&["target", "kp", "kd"], |own| own.impact_invariant()),
     (&["torque_file"], |own| own.torque_file()),
     (&["reference", "kp", "kd", "feed_forward"], |own| own.tracking()),
+    (&["feedback_file", "torque_file", "torque"], |own| own.feedback()),
 ];
 
 /// What the controllers of a robot are made from.
@@ -149,7 +150,29 @@ impl Drives<'_> {
     }
 
     fn torque_file(&self) -> Result<Drive, String> {
-        self.table("torque_file", &self.control.torque_file, torque_table)
+        self.table("torque_file", &self.control.torque_file, torque_table).map(Drive::Table)
+    }
+
+    fn feedback(&self) -> Result<Drive, String> {
+        let Control { torque, torque_file: file, feedback_file, .. } = self.control;
+        if self.chain.nv() != self.world.chain.nv() {
+            return Err(self.refuse("is for all joints: give it in [run]"));
+        }
+        let forces = match (torque, file) {
+            (None, None) => None,
+            (Some(torque), None) => Some(TorqueTable { times: vec![0.0], forces: vec![torque.clone()] }),
+            (None, Some(_)) => Some(self.table("torque_file", file, torque_table)?),
+            (Some(_), Some(_)) => return Err(self.refuse("takes torque or torque_file, not both")),
+        };
+        let rows = self.table("feedback_file", feedback_file, |path, chain| {
+            let wanted = Feedback::columns(chain);
+            let (times, rows) = Columns::named(path, &wanted)?.pick(&wanted, true, "number")?;
+            match rows.iter().zip(&times).find(|(row, _)| row[0] < 0.0 || row[0].fract() != 0.0) {
+                Some((row, time)) => Err(format!("impacts = {} at the time {time}: it must be a whole number", row[0])),
+                None => Ok((times, rows)),
+            }
+        })?;
+        Ok(Drive::Feedback(Feedback::of_table(self.chain, forces, rows)))
     }
 
     fn tracking(&self) -> Result<Drive, String> {
@@ -282,12 +305,12 @@ fn names(chain: &Chain) -> Vec<String> {
 }
 
 /// Joint forces over time: by joint name, or without names in the order of qd.
-fn torque_table(path: &Path, chain: &Chain) -> Result<Drive, String> {
+fn torque_table(path: &Path, chain: &Chain) -> Result<TorqueTable, String> {
     let table = Columns::read(path)?;
     if !table.has_names() {
         let wanted: Vec<String> = (0..chain.nv()).map(|v| v.to_string()).collect();
         let (times, forces) = table.pick(&wanted, true, "joint force")?;
-        return Ok(Drive::Table(TorqueTable { times, forces }));
+        return Ok(TorqueTable { times, forces });
     }
     let (times, rows) = table.pick(&names(chain), true, "joint force")?;
     let spread = |row: Vec<f64>| {
@@ -295,7 +318,7 @@ fn torque_table(path: &Path, chain: &Chain) -> Result<Drive, String> {
         motors(chain).iter().zip(row).for_each(|(motor, force)| all[motor.v] = force);
         all
     };
-    Ok(Drive::Table(TorqueTable { times, forces: rows.into_iter().map(spread).collect() }))
+    Ok(TorqueTable { times, forces: rows.into_iter().map(spread).collect() })
 }
 
 /// Positions over time, by joint name.

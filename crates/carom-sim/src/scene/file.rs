@@ -42,9 +42,9 @@ impl File {
         let mut named: Vec<&PathBuf> = Vec::new();
         for Member { load, start, control, .. } in &self.robot.all {
             named.push(&load.urdf);
-            named.extend(start.srdf.iter().chain(&control.torque_file).chain(&control.reference));
+            named.extend(start.srdf.iter().chain(control.files()));
         }
-        named.extend(run.torque_file.iter().chain(&run.reference));
+        named.extend(run.files());
         named.extend(self.force.iter().filter_map(|it| it.file.as_ref()));
         for surface in &self.surface {
             named.extend(surface.motion.iter().filter_map(|motion| motion.file.as_ref()));
@@ -211,6 +211,7 @@ key_group! {
         kd: Option<PerJoint>,
         torque: Option<Vec<f64>>,
         torque_file: Option<PathBuf>,
+        feedback_file: Option<PathBuf>,
         reference: Option<PathBuf>,
         feed_forward: Option<bool>,
         gain: Option<f64>,
@@ -219,9 +220,25 @@ key_group! {
     }
 }
 
+impl Control {
+    /// Its tables.
+    fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.torque_file.iter().chain(&self.reference).chain(&self.feedback_file)
+    }
+}
+
 /// The names of all controllers.
-pub(crate) const CONTROLLERS: [&str; 8] =
-    ["off", "pd", "constant", "gravity-compensation", "transition", "impact-invariant", "torque-file", "tracking"];
+pub(crate) const CONTROLLERS: [&str; 9] = [
+    "off",
+    "pd",
+    "constant",
+    "gravity-compensation",
+    "transition",
+    "impact-invariant",
+    "torque-file",
+    "tracking",
+    "feedback",
+];
 
 /// The index of a controller in the list of all.
 #[derive(Default, Clone, Copy, PartialEq)]

@@ -20,6 +20,7 @@ mod written;
 
 pub use crate::orbit::Happened;
 pub use problem::Problem;
+pub(crate) use torque::names_of_motors;
 
 use carom_sim::SimError;
 use serde::Serialize;

@@ -187,7 +187,7 @@ impl Torque {
 }
 
 /// The names of the joints that motors can drive.
-pub(super) fn names_of_motors(scene: &Scene) -> Vec<String> {
+pub(crate) fn names_of_motors(scene: &Scene) -> Vec<String> {
     let chain = &scene.simulation.chain;
     let is_own =
         |joint: &&carom_chain::JointInfo| matches!(&joint.coordinates, Coordinates::Own { v, .. } if v.len() == 1);
