@@ -65,6 +65,7 @@ pub use state::{ContactImpulse, LinearFunction, Moment, Profile};
 // Hidden: what only the command line, the Python package and the studies use.
 #[doc(hidden)]
 pub use {
+    model::coordinate_names,
     motion::free_motion_at,
     run::{AtContact, NamedEvent, NamedRun, UnderLaw},
     scene::{from_toml, keys, path},

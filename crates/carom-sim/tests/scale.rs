@@ -297,3 +297,13 @@ fn scenes_in_lengths_of_a_thousandth_have_the_same_motion() {
 fn scenes_in_lengths_of_a_thousand_have_the_same_motion() {
     check("large", Factors { length: 1024.0, ..Factors::ONE });
 }
+
+#[test]
+fn scenes_in_times_of_a_hundredth_have_the_same_motion() {
+    check("short", Factors { time: 1.0 / 128.0, ..Factors::ONE });
+}
+
+#[test]
+fn scenes_in_times_of_thirty_have_the_same_motion() {
+    check("long", Factors { time: 32.0, ..Factors::ONE });
+}

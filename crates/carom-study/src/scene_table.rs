@@ -4,7 +4,7 @@ use crate::table::Column;
 use carom_chain::urdf::JointType;
 use carom_chain::{Chain, Coordinates};
 use carom_impact::Flags;
-use carom_sim::{ContactState, Event, NamedEvent, Simulation, StateError};
+use carom_sim::{ContactState, Event, NamedEvent, Simulation, StateError, coordinate_names};
 use nalgebra::Vector3;
 
 /// Key of the scene's text in the metadata of Parquet tables.
@@ -27,16 +27,12 @@ fn units(kind: JointType) -> (&'static [&'static str], &'static [&'static str]) 
 /// Columns `head.JOINT`, or `head.JOINT.K` for a joint of several coordinates: of q (`positions`), or of qd.
 pub fn coordinate_columns(chain: &Chain, head: &str, positions: bool) -> Vec<Column> {
     let own = chain.joints().iter().filter(|joint| matches!(joint.coordinates, Coordinates::Own { .. }));
-    let of = |joint: &carom_chain::JointInfo| -> Vec<Column> {
+    let units = own.flat_map(|joint| {
         let (q, qd) = units(joint.kind);
-        let units = if positions { q } else { qd };
-        let name = |k: usize| match units.len() {
-            1 => format!("{head}.{}", joint.name),
-            _ => format!("{head}.{}.{k}", joint.name),
-        };
-        units.iter().enumerate().map(|(k, unit)| Column::number(name(k)).in_unit(unit)).collect()
-    };
-    own.flat_map(of).collect()
+        if positions { q } else { qd }
+    });
+    let names = coordinate_names(chain, head, positions).into_iter();
+    names.zip(units).map(|(name, unit)| Column::number(name).in_unit(unit)).collect()
 }
 
 /// The columns of a table of states: time, q and qd by joint.

@@ -52,7 +52,8 @@ fn feedback_that_cannot_be_is_refused_with_names() {
     let desk = Desk::with_studies();
     desk.one("aim studies/aims/nail.toml --out blow.toml --json");
     desk.one("feedback blow.toml --out tracked.toml --json");
-    let (scene, table) = ["tracked.toml", "tracked.feedback.csv"].map(|name| std::fs::read_to_string(desk.0.join(name)).unwrap()).into();
+    let (scene, table) =
+        ["tracked.toml", "tracked.feedback.csv"].map(|name| std::fs::read_to_string(desk.0.join(name)).unwrap()).into();
     let write = |name: &str, text: String| std::fs::write(desk.0.join(name), text).unwrap();
     let other = |name: &str| scene.replace("tracked.feedback.csv", name);
     write("half.toml", other("half.csv"));
@@ -62,9 +63,15 @@ fn feedback_that_cannot_be_is_refused_with_names() {
     write("three.toml", scene.replace("torque_file = \"blow.torques.csv\"", "torque = [1, 2, 3]"));
     write("both.toml", scene.replace("torque_file", "torque = [1, 2]\ntorque_file"));
     for (args, told) in [
-        ("feedback scenes/racket.toml", "racket.toml: feedback: controller = \"pd\": it is added to a motion without it"),
+        (
+            "feedback scenes/racket.toml",
+            "racket.toml: feedback: controller = \"pd\": it is added to a motion without it",
+        ),
         ("feedback scenes/box.toml", "box.toml: feedback: 'box' has no joint with one coordinate"),
-        ("feedback blow.toml --joints nix", "feedback: 'nix' is no joint with one coordinate: there are shoulder, elbow"),
+        (
+            "feedback blow.toml --joints nix",
+            "feedback: 'nix' is no joint with one coordinate: there are shoulder, elbow",
+        ),
         ("feedback blow.toml --position 0", "deviation of positions is 0: it must be positive"),
         ("feedback blow.toml --out blow.toml", "the command reads this file"),
         ("simulate half.toml", "half.csv: impacts = 0.5 at the time"),

@@ -52,8 +52,8 @@ impl Feedback {
     /// The names of the columns of its table, after the time: `impacts`, `q.JOINT`, `qd.JOINT`, `gain.MOTOR.q.JOINT`, `gain.MOTOR.qd.JOINT`; of
     /// joints with several coordinates with their numbers, `q.base.0`. `MOTOR`: the joints with one coordinate.
     pub fn columns(chain: &Chain) -> Vec<String> {
-        let displaced = coordinates(chain, "q", false);
-        let [q, qd] = [coordinates(chain, "q", true), coordinates(chain, "qd", false)];
+        let displaced = coordinate_names(chain, "q", false);
+        let [q, qd] = [coordinate_names(chain, "q", true), coordinate_names(chain, "qd", false)];
         let by: Vec<String> = displaced.into_iter().chain(qd.iter().cloned()).collect();
         let name =
             |motor: &Motor| chain.joint_of_velocity(motor.v).map_or_else(String::new, |joint| joint.name.clone());
@@ -137,7 +137,7 @@ impl Feedback {
 }
 
 /// `head.JOINT`, or `head.JOINT.K` of a joint with several coordinates: of q (`positions`) or qd.
-fn coordinates(chain: &Chain, head: &str, positions: bool) -> Vec<String> {
+pub fn coordinate_names(chain: &Chain, head: &str, positions: bool) -> Vec<String> {
     let of = |joint: &JointInfo| {
         let count = match &joint.coordinates {
             Coordinates::Own { q, v } => {

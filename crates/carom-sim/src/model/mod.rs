@@ -19,7 +19,7 @@ mod wrench;
 pub(crate) use control_law::{Asked, Number};
 pub use controller::{Controller, Observed};
 pub use drive::{Drive, RobotDrive};
-pub use feedback::{Feedback, FeedbackRow};
+pub use feedback::{Feedback, FeedbackRow, coordinate_names};
 pub use gains::Gains;
 pub(crate) use gains::{Motor, motors};
 pub use impact_controllers::{ImpactInvariant, Transition};

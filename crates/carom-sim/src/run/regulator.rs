@@ -154,8 +154,9 @@ impl Plan {
     /// [`Drive::Feedback`], follows the motion of the plan.
     ///
     /// # Errors
-    /// As [`Simulation::linear_run`](crate::Simulation::linear_run); [`SimError::Setting`] for deviations that are not positive, and for another
-    /// controller than none, constant forces and a table; [`SimError::NoDerivative`] where an accumulation of impacts ends.
+    /// As [`Simulation::linear_run`](crate::Simulation::linear_run); [`SimError::Setting`] for deviations that are not positive;
+    /// [`SimError::Feedback`] for another controller than none, constant forces and a table, and for joints without a motor;
+    /// [`SimError::NoDerivative`] where an accumulation of impacts ends.
     pub fn feedback(&self, duration: f64, regulator: &Regulator) -> Result<Feedback, SimError> {
         let Regulator { position, velocity, force, end, rows, ref joints } = *regulator;
         let each = [("deviation of positions", position), ("deviation of velocities", velocity)];
