@@ -204,7 +204,7 @@ fn keys_of_answers_are_those_of_the_page() {
     std::fs::write(desk.join("own/scene.toml"), scene).unwrap();
     let robot = "robots/planar2.urdf --tip tip --states - --json";
     let strike = format!("impact {robot} --normal -1,0,0 --law energetic --restitution 0.35 --friction 0.2");
-    let runs: [(&str, Vec<(String, &str)>); 14] = [
+    let runs: [(&str, Vec<(String, &str)>); 15] = [
         ("inspect", vec![("inspect robots/arm7.urdf --json".into(), "")]),
         ("dynamics", vec![(format!("dynamics {robot}"), state)]),
         (

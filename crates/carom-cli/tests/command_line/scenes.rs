@@ -243,7 +243,7 @@ fn controllers_without_their_parameters_are_refused() {
     let desk = Desk::new();
     let gains = "kd = 1\ntarget = [0, 0]";
     let known = "expected one of `off`, `pd`, `constant`, `gravity-compensation`, `transition`, `impact-invariant`, \
-                 `torque-file`, `tracking`";
+                 `torque-file`, `tracking`, `feedback`";
     desk.refuses_all(
         "#run",
         &[
