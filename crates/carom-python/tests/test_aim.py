@@ -43,7 +43,7 @@ def test_what_is_not_reached_is_an_error():
 
 def test_feedback_along_a_motion_is_a_scene_and_a_table(tmp_path):
     scene = carom.Scene.from_file(ROOT / "scenes" / "planar2.toml")
-    found = scene.feedback(torque=0.1, table="gains.csv")
+    found = scene.feedback(torque=10, table="gains.csv")
     assert found["motors"] == ["shoulder", "elbow"] and found["impacts"] == 1
     assert found["growth"]["with"] < 0.1 * found["growth"]["without"]
     (tmp_path / "gains.csv").write_text(found["table"])

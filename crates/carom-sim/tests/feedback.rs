@@ -66,10 +66,11 @@ fn gains_of_a_free_mass_far_from_the_end_are_those_of_the_closed_form() {
     assert!((first[(0, 1)] / damped - 1.0).abs() < 2e-7, "{first} {damped}");
 }
 
-/// Motions at even times: states and forces of the motors.
-type Samples = Vec<(Moment, Vec<f64>)>;
+/// A state, and the forces of the motors.
+type Sample = (Moment, Vec<f64>);
 
-fn samples(plan: &Plan, duration: f64, count: usize) -> Samples {
+/// A motion at even times.
+fn samples(plan: &Plan, duration: f64, count: usize) -> Vec<Sample> {
     let (mut all, mut moment) = (Vec::new(), None);
     let sampling = Sampling { every: Some(duration / count as f64), loads: true, ..Sampling::default() };
     plan.stream(duration, sampling, &mut |seen| match seen {
@@ -82,8 +83,8 @@ fn samples(plan: &Plan, duration: f64, count: usize) -> Samples {
 }
 
 /// ∫ of the weighted squares of deviations and of the forces that are added, and the deviation at the end, by trapezoids.
-fn cost(plan: &Plan, own: &Samples, truth: &Samples, regulator: &Regulator) -> f64 {
-    let square = |(x, y): (&(Moment, Vec<f64>), &(Moment, Vec<f64>))| {
+fn cost(plan: &Plan, own: &[Sample], truth: &[Sample], regulator: &Regulator) -> f64 {
+    let square = |(x, y): (&Sample, &Sample)| {
         let off = plan.simulation.chain.difference(&x.0.q, &y.0.q).unwrap();
         let sum = |all: &mut dyn Iterator<Item = f64>, unit: f64| all.map(|x| (x / unit).powi(2)).sum::<f64>();
         let state = sum(&mut off.into_iter(), regulator.position)
@@ -95,6 +96,9 @@ fn cost(plan: &Plan, own: &Samples, truth: &Samples, regulator: &Regulator) -> f
     let whole: f64 = all.windows(2).map(|pair| h / 2.0 * pair.iter().flatten().sum::<f64>()).sum();
     whole + regulator.end * all[all.len() - 1][0]
 }
+
+/// Gains times a factor.
+type Change = fn(&mut FeedbackRow, f64);
 
 /// The costs of disturbed motions under these gains, scaled by 1 − ε, 1 and 1 + ε, are on a parabola with its vertex at 1: of all gains, of
 /// those before the first impact, and of those of the displacements. The cost is that of simulated motions: it knows no saltation matrix.
@@ -128,7 +132,7 @@ fn other_gains_cost_more_before_and_after_an_impact() {
         let least = of(Some(&feedback));
         let without = of(None);
         assert!(least < 0.4 * without, "{file}: {least:e}, without feedback {without:e}");
-        let patterns: [(&str, fn(&mut FeedbackRow, f64)); 3] = [
+        let patterns: [(&str, Change); 3] = [
             ("all", |row, by| row.gains *= by),
             ("before", |row, by| {
                 if row.impacts == 0 {

@@ -1160,6 +1160,35 @@ class Scene:
             TypeError: function cannot be called.
             ValueError: a rate that is not positive.
         """
+    def feedback(
+        self,
+        *,
+        position: float = 0.01,
+        velocity: float = 0.1,
+        torque: float = 1.0,
+        end: float = 1.0,
+        joints: Sequence[str] = ...,
+        rows: int = 200,
+        table: str = "feedback.csv",
+    ) -> dict[str, Any]:
+        """Feedback along the motion of this scene, through its impacts: the gains of the linear-quadratic regulator.
+
+        Args:
+            position, velocity, torque: deviations that cost the same: of each displacement (rad, m), each velocity (rad/s, m/s) and the
+                force of each motor (N m, N).
+            end: for how long a deviation lasts that costs what it costs at the end of the motion, s.
+            joints: names of those that have feedback; by default those with forces in the motion, or all.
+            rows: least number of rows of the table.
+            table: the name that the scene file gives its table.
+
+        Returns:
+            A dict with the JSON keys of ``carom feedback --help``: rows, motors, impacts, growth; and scene, the text of a scene file with
+            the feedback, for the folder of this scene; and table, the text of its table (CSV).
+
+        Raises:
+            SimulationError: a controller with feedback; a motion without derivatives; a deviation that is not positive.
+            ValueError: a law or a controller was given after reading.
+        """
     def plan(self) -> dict[str, Any]:
         """What a run models and what it leaves out: a dict of "joints", "kept" and "left_out" (dicts of what, choice, why) and
         "bounded" (dicts of what, choice, bound, of).
