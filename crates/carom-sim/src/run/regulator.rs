@@ -16,8 +16,8 @@
 //! −V̇ = Q + AᵀV + V A − V B R⁻¹ Bᵀ V,   V(T) = Q_T,   V⁻ = Ξᵀ V⁺ Ξ at an event
 //! ```
 //!
-//! (A. E. Bryson, Y.-C. Ho, *Applied Optimal Control*, 1975, chapter 5; through impacts N. J. Kong, C. Li, A. M. Johnson, *Hybrid iLQR Model
-//! Predictive Control for Contact Implicit Stabilization on Legged Robots*, 2023). Instead of Riccati's equation the linear one
+//! (A. E. Bryson, Y.-C. Ho, *Applied Optimal Control*, 1975, chapter 5; through impacts N. J. Kong, C. Li, G. Council, A. M. Johnson, *Hybrid iLQR
+//! model predictive control for contact implicit stabilization on legged robots*, 2023). Instead of Riccati's equation the linear one
 //!
 //! ```text
 //! Ẋ = A X − B R⁻¹ Bᵀ Y,   Ẏ = −Q X − AᵀY
