@@ -101,7 +101,7 @@ fn cost(plan: &Plan, own: &[Sample], truth: &[Sample], regulator: &Regulator) ->
 type Change = fn(&mut FeedbackRow, f64);
 
 /// The costs of disturbed motions under these gains, scaled by 1 − ε, 1 and 1 + ε, are on a parabola with its vertex at 1: of all gains, of
-/// those before the first impact, and of those of the displacements. The cost is that of simulated motions: it knows no saltation matrix.
+/// those before the first impact, and of those of the displacements. The cost is that of simulated motions, without saltation matrices.
 #[test]
 fn other_gains_cost_more_before_and_after_an_impact() {
     // The last one has a ball beside an arm, which no motor drives: all that gains can do for it is done before the impact.

@@ -76,7 +76,7 @@ fn feedback_that_cannot_be_is_refused_with_names() {
         ("feedback blow.toml --out blow.toml", "the command reads this file"),
         ("simulate half.toml", "half.csv: impacts = 0.5 at the time"),
         ("simulate name.toml", "name.csv: column gain.elbow.qd.elbo is not known"),
-        ("simulate three.toml", "torque"),
+        ("simulate three.toml", "torque has 3 numbers, 2 are needed (shoulder, elbow)"),
         ("simulate both.toml", "takes torque or torque_file, not both"),
     ] {
         let ran = desk.run(args);

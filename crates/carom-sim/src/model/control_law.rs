@@ -70,8 +70,8 @@ pub(crate) struct Asked<'a> {
     pub gravity: Vector3<f64>,
     /// For each number of qd whether an impact has hit its robot.
     pub hit: &'a [bool],
-    /// Impacts so far, of all contacts and joint limits.
-    pub impacts: usize,
+    /// Impacts so far, by touch.
+    pub impacts: &'a [usize],
     /// The joints that motors can drive.
     pub motors: &'a [Motor],
     /// Largest force of each number of qd; empty: no limits.

@@ -203,7 +203,7 @@ impl ControlLaw for Feedback {
         if let Some(forces) = &self.forces {
             forces.drive::<A>(asked, body, state, add)?;
         }
-        let (deviation, gains) = self.at(asked.chain, (asked.time, asked.impacts), state)?;
+        let (deviation, gains) = self.at(asked.chain, (asked.time, asked.impacts.iter().sum()), state)?;
         let forces = gains * deviation;
         asked.motors.iter().for_each(|&Motor { v, .. }| add(v, forces[v]));
         Ok(())

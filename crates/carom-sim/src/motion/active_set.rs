@@ -46,11 +46,6 @@ impl ActiveSet {
         }
     }
 
-    /// Impacts so far, of all touches.
-    pub fn all_impacts(&self) -> usize {
-        self.impacts.iter().sum()
-    }
-
     /// Whether a contact sticks.
     pub fn sticks(&self, touch: usize) -> bool {
         self.lasting.iter().any(|own| own.touch == touch && own.hold == Hold::Sticks)

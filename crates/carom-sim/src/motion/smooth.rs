@@ -182,7 +182,7 @@ impl<'a, A: Space> Motion<'a, A> {
             time,
             gravity: self.sim.gravity,
             hit: &self.active.was_hit,
-            impacts: self.active.all_impacts(),
+            impacts: &self.active.impacts,
             motors: &self.motors,
             limits: if limited { &self.limits } else { &[] },
             damping: &self.damping,

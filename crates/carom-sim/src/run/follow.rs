@@ -191,7 +191,7 @@ impl<A: Space> Follow<'_, '_, A> {
             let linear = LinearStep::of(step, &mut self.probe, &mut self.changed)?;
             let failed =
                 || SimError::Integration { time: step.start, reason: "the variational equations are singular".into() };
-            each.step(step, active.all_impacts());
+            each.step(step, active.impacts.iter().sum());
             each.add(Piece::Step(linear)).ok_or_else(failed)?;
             active = self.probe.motion.active.clone(); // with the last direction of slip
         }
