@@ -4,8 +4,8 @@ use carom_chain::Chain;
 use carom_contact::{Mesh, Obstacle};
 use carom_impact::Energetic;
 use carom_sim::{ContactMode, ContactRule, Drive, EventKind, Simulation, Summary};
-use carom_testing::build::{O, Part, X, ball, chain, free, shape};
-use carom_testing::scenes::{DOWN, G, among, level, newton, on_floor, shipped, surface};
+use carom_testing::build::{O, Part, X, ball, chain, free, shape, urdf};
+use carom_testing::scenes::{DOWN, G, among, level, newton, on_floor, scene, shipped, surface};
 use nalgebra::{Isometry3, Vector3};
 
 fn over(chain: Chain, obstacle: Obstacle, restitution: f64) -> Simulation {
@@ -313,4 +313,24 @@ fn a_probe_that_slides_over_the_border_of_a_face_takes_no_time_steps() {
         -0.39526114786828126,
     ];
     assert_eq!(time_steps("table", &q, &qd, 0.8), 0);
+}
+
+/// A slider that a constant force presses against its elastic limit bounces for ever, unless its bounces are lower than the tolerance
+/// times the reach: these are as many as the time of the run is long, and end in one event.
+#[test]
+fn elastic_bounces_end_only_below_the_tolerance() {
+    let arm = Part::hinge("arm", "base", X).limits(-1.0, 1.0, 9.0);
+    let rod = Part::slider("rod", "arm", X).at([0.0, 0.0, 1.0]).limits(-1.0, 0.5, 9.0).weighing(1.0, [0.01; 3]);
+    let text = "[robot]\nurdf = \"robot.urdf\"\nq = [0, 0]\n[contact]\nlimit_restitution = 1\n\
+                [run]\nduration = 1\ntolerance = 1e-7\ngravity = [0, 0, 0]\ncontroller = \"constant\"\ntorque = [0, 8]\n";
+    let sim = scene(&[("robot.urdf", &urdf(&[arm, rod]))], text).unwrap().plan().unwrap().simulation;
+    let height = 1e-3;
+    let fall = (2.0 * height / 8.0_f64).sqrt();
+    let run = sim.run(&[0.0, 0.5 - height], &[0.0; 2], 20.0 * fall).unwrap();
+    assert_eq!(run.events.iter().filter(|event| event.kind.name() == "limit").count(), 10);
+    let run = sim.run(&[0.0, 0.5 - 1e-9], &[0.0; 2], 1.0).unwrap();
+    let kinds: Vec<&str> = run.events.iter().map(|event| event.kind.name()).collect();
+    assert_eq!((kinds[0], run.summary.statistics.contact_steps), ("limit", 0), "{kinds:?}");
+    let last = run.summary.last.q[1];
+    assert!(kinds.len() < 5 && (last - 0.5).abs() < 1e-12, "{kinds:?} {last}");
 }

@@ -270,6 +270,23 @@ fn a_gripper_stops_a_box_without_turning_it() {
     assert!(rest.iter().all(|v| v.abs() < 1e-9), "{rest:?}");
 }
 
+/// A box is put on a slope that is too steep for it: from the first moment on friction is μ times the normal force and opposes the slip,
+/// whose direction is that of its acceleration.
+#[test]
+fn friction_opposes_slip_from_its_beginning() {
+    let mut sim = simulation(floating_box([0.3, 0.2, 0.1], 2.0), &[("floor", Vector3::z())], 0.3);
+    for downhill in [[0.5, 0.0], [0.0, -0.5], [-0.3, 0.4]] {
+        sim.gravity = Vector3::new(downhill[0], downhill[1], -1.0) * G;
+        let told = told(&sim, &[0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 1.0], &[0.0; 6], 0.01, 0.005);
+        assert_eq!(told[0].0, 0.0);
+        for (time, contacts) in told {
+            let friction: Vector3<f64> = contacts.iter().map(|contact| contact.force).sum();
+            let expected = Vector3::new(-0.6 * downhill[0], -0.6 * downhill[1], 1.0) * 2.0 * G;
+            assert!((friction - expected).norm() < 1e-7, "{downhill:?}, {time} s: {friction} for {expected}");
+        }
+    }
+}
+
 /// A slender box stands on a slope and leans over a corner: the forces of equal springs would pull there. Those that are told balance its
 /// weight, push, and are inside their friction cones.
 #[test]

@@ -70,7 +70,7 @@ fn a_contact_that_no_joint_moves_does_not_change_the_motion() {
 }
 
 /// Two links whose end is pinned to the world are locked. Dry friction, limits and contacts, in all combinations and at many poses, leave
-/// them at rest: what the loop leaves of their rows is rounding.
+/// them at rest: what the loop leaves of their rows is rounding, in whatever unit masses are.
 #[test]
 fn a_locked_truss_stays_at_rest() {
     let mut rng = fastrand::Rng::with_seed(7);
@@ -78,8 +78,10 @@ fn a_locked_truss_stays_at_rest() {
         let mut draw = || 2.0 * rng.f64() - 1.0;
         let axis = Vector3::from_fn(|_, _| draw()).normalize();
         let (friction, limit) = (if k % 2 == 0 { "<dynamics friction='0.2'/>" } else { "" }, 0.5 + 0.4 * draw());
+        let unit = [1.0, 1e-6, 1e6][k % 5 % 3];
         let bar = |name: &str, parent: &str, x: f64, upper: f64| {
             let bar = link(name, parent, "revolute", axis.into(), [0.1, 0.0, 0.0]).at([x, 0.0, 0.0]);
+            let bar = bar.weighing(1.5 * unit, [0.03, 0.02, 0.04].map(|inertia| inertia * unit));
             bar.limits(-4.0, upper, 9.0).joint(friction)
         };
         let ball = shape(&ball(0.05), [0.2, 0.0, 0.0], O);
@@ -116,19 +118,23 @@ fn a_locked_truss_stays_at_rest() {
 }
 
 /// A pendulum whose bob is tangent to the floor at its lowest point passes it: at the tangent point no joint moves it along the normal, and
-/// beside it next to nothing does. Restitution, friction, laws and the place of the hinge do not matter.
+/// beside it next to nothing does. Restitution, friction, the place of the hinge and the unit of lengths do not matter.
 #[test]
 fn a_pendulum_passes_a_floor_that_is_tangent_to_its_path() {
     let mut rng = fastrand::Rng::with_seed(3);
     for k in 0..40 {
+        let unit = [1.0, 1e-3, 1e3][k % 3];
         let (height, length, radius) = (1.0 + rng.f64(), 0.2 + 0.3 * rng.f64(), 0.02 + 0.1 * rng.f64());
+        let [height, length, radius] = [height, length, radius].map(|length| length * unit);
         let bob = shape(&ball(radius), [0.0, 0.0, -length], O);
-        let pendulum = link("a", "base", "continuous", Y, [0.0, 0.0, -length]).at([0.0, 0.0, height]).with(bob);
+        let inertia = [0.03, 0.02, 0.04].map(|inertia| inertia * unit * unit);
+        let pendulum = link("a", "base", "continuous", Y, [0.0, 0.0, -length]).weighing(1.5, inertia);
+        let pendulum = pendulum.at([0.0, 0.0, height]).with(bob);
         let chain = chain(&[pendulum]);
         let plane = half_space([0.0, 0.0, height - length - radius], Vector3::z());
-        let floor = surface("floor", plane, rule("energetic", 0.5, 0.5 * (k % 3) as f64));
+        let floor = surface("floor", plane, rule("energetic", 0.5, 0.5 * (k / 3 % 3) as f64));
         let run = |surfaces: &[Surface]| {
-            let sim = among(chain.clone(), surfaces);
+            let sim = Simulation { gravity: Vector3::z() * (-9.81 * unit), ..among(chain.clone(), surfaces) };
             sim.run(&[-0.6], &[0.3], 1.0).unwrap().summary.last
         };
         let (with, without) = (run(&[floor]), run(&[]));

@@ -137,8 +137,7 @@ impl<A: Space> Motion<'_, A> {
         let pulls = contacts.iter().any(|contact| {
             let n = contact.rows.end - 1;
             let across = k.view((contact.rows.start, n), (contact.rows.len() - 1, 1)).norm();
-            contact.own.hold != Hold::Latched
-                && k[(n, n)] <= if contact.rows.len() == 3 { mu(contact) * across } else { 0.0 }
+            contact.own.hold != Hold::Latched && k[(n, n)] <= mu(contact) * across
         });
         pulls || (found.constraints.rows.len() > 1 && contacts.len() > 1 && !self.push_to_one_side(found))
     }

@@ -79,3 +79,94 @@ impl<A: Space> Motion<'_, A> {
         10.0 * self.sim.tolerance.max(EQUAL) * self.scale.extent
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Scene;
+    use carom_chain::algebra::Spatial;
+    use carom_testing::build::{O, Part, X, Y, ball, shape, urdf};
+    use carom_testing::files::Folder;
+
+    /// The thresholds of a pendulum of L = 0.45 m on a slide, which moves at 2 m/s and 3 rad/s, in units of length and time, with their powers of both.
+    fn thresholds(length: f64, time: f64) -> Vec<(&'static str, f64, [i32; 2])> {
+        let foot = shape(&ball(0.05 * length), [0.0, 0.0, -0.4 * length], O);
+        let bob = Part::hinge("bob", "slide", Y).limits(-1.0, 1.0, 9.0).with(foot);
+        let slide = Part::slider("slide", "base", X);
+        let folder = Folder::new();
+        folder.write("robot.urdf", urdf(&[slide, bob]));
+        let scene = format!(
+            "[robot]\nurdf = \"robot.urdf\"\nq = [{}, 0]\nqd = [{}, {}]\n[[surface]]\nname = \"floor\"\n\
+             shape = {{ halfspace = {{ point = [0, 0, {}], normal = [0, 0, 1] }} }}\n\
+             [run]\nduration = 1\ntolerance = 1e-7\ngravity = [0, 0, {}]\n",
+            0.5 * length,
+            2.0 * length / time,
+            3.0 / time,
+            -length,
+            -0.45 * length / (time * time),
+        );
+        let plan = Scene::from_toml(&scene, &folder).unwrap().plan().unwrap();
+        let sim = &plan.simulation;
+        let mut motion = Motion::<Spatial<f64>>::new(sim, &sim.chain);
+        motion.measure(0.0, &[&plan.q[..], &plan.qd, &[0.0, 0.0]].concat());
+        let limit = sim.touches.iter().position(|touch| touch.stops().is_some_and(|(v, _)| v == 1)).unwrap();
+        let foot = sim.touches.iter().position(|touch| touch.link().is_some()).unwrap();
+        let scale = &motion.scale;
+        vec![
+            ("length", scale.length, [1, 0]),
+            ("extent", scale.extent, [1, 0]),
+            ("pace", scale.pace, [0, -1]),
+            ("acceleration", scale.acceleration(), [1, -2]),
+            ("rounding of a gap", scale.hysteresis(foot), [1, 0]),
+            ("rounding of an angle", scale.hysteresis(limit), [0, 0]),
+            ("closed in an event", scale.touching(foot), [1, 0]),
+            ("angle of a closed limit", scale.touching(limit), [0, 0]),
+            ("closed without velocity", motion.closed(foot), [1, 0]),
+            ("angle without velocity", motion.closed(limit), [0, 0]),
+            ("overlap", motion.overlaps(), [1, 0]),
+            ("noise", motion.noise(), [1, -1]),
+            ("rest", motion.rest_of(foot), [1, -1]),
+            ("rest of a limit", motion.rest_of(limit), [0, -1]),
+            ("still", motion.still(), [1, -1]),
+            ("starts", motion.starts(), [1, -1]),
+            ("slowest", scale.slowest(), [1, -1]),
+            ("rate of a slide", scale.joint(0, 2.0 * length / time), [1, -1]),
+            ("rate of a hinge", scale.joint(1, 2.0 * length / time), [0, -1]),
+        ]
+    }
+
+    /// The table above, for T = 2 √(L/g) = 2 s.
+    #[test]
+    fn thresholds_are_those_of_the_table_in_every_unit() {
+        let expected = [
+            0.45,
+            0.5,
+            0.5,
+            0.1125,
+            5e-15,
+            5e-15 / 0.45,
+            5e-10,
+            5e-10 / 0.45,
+            5e-10,
+            5e-10 / 0.45,
+            5e-7,
+            1e-7,
+            1e-6,
+            1e-6 / 0.45,
+            1e-8,
+            1e-7_f64.sqrt() * 0.225,
+            2.25e-4,
+            2.0,
+            2.0 / 0.45,
+        ];
+        for (length, time) in [(1.0, 1.0), (1e3, 1.0), (1e-3, 1.0), (1.0, 30.0), (1e3, 0.01)] {
+            for ((name, found, [l, t]), expected) in thresholds(length, time).into_iter().zip(expected) {
+                let expected = expected * length.powi(l) * time.powi(t);
+                assert!(
+                    (found - expected).abs() < 1e-12 * expected,
+                    "{name}: {found:e} for {expected:e} in {length} m, {time} s"
+                );
+            }
+        }
+    }
+}

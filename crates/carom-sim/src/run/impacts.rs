@@ -350,23 +350,16 @@ impl<A: Space> Run<'_, '_, A> {
         if let Some(reason) = self.choose(&still)? {
             return self.no_mode(reason);
         }
-        let (start, energy, lost) = (self.y.clone(), self.motion.energy(&self.y)?, self.history.lost);
-        let (mut left, mut ending) = (0.0_f64, Vec::new());
-        // Another contact that closes may push one back that was opening.
-        while let Some((remaining, touches)) = self.accumulating(&mut leaving)? {
-            left = left.max(remaining);
-            still.extend(&touches);
-            ending.extend(touches);
-            self.close(&still)?;
-            if let Some(reason) = self.choose(&still)? {
-                self.history.lost = lost + energy - self.motion.energy(&self.y)?;
-                return self.no_mode(reason);
-            }
+        let start = self.y.clone();
+        let ended = self.end_accumulations(&mut still, &mut leaving)?;
+        if self.y != start {
+            self.history.lost += self.motion.energy(&start)? - self.motion.energy(&self.y)?;
         }
+        let (left, ending) = match ended {
+            Ok(ended) => ended,
+            Err(reason) => return self.no_mode(reason),
+        };
         if !ending.is_empty() {
-            let passed = self.pass(&still, left)?;
-            self.history.lost = lost + energy - self.motion.energy(&self.y)?;
-            let Some(left) = passed else { return self.no_mode(StepReason::NoMode) };
             let (from, y) = (self.time, self.y.clone());
             self.time += left;
             let told = match self.motion.contact_states(self.time, &y) {
@@ -387,6 +380,30 @@ impl<A: Space> Run<'_, '_, A> {
         self.rest()
     }
 
+    /// Ends the accumulations of those touches of `leaving` whose impacts accumulate, which it moves to `still`: their normal velocities
+    /// become zero, and the state moves on by the longest time that they take. Returns this time and the touches, or why no mode follows.
+    fn end_accumulations(
+        &mut self,
+        still: &mut Vec<usize>,
+        leaving: &mut Vec<&Struck>,
+    ) -> Result<Result<(f64, Vec<usize>), StepReason>, SimError> {
+        let (mut left, mut ending) = (0.0_f64, Vec::new());
+        // Another contact that closes may push one back that was opening.
+        while let Some((remaining, touches)) = self.accumulating(leaving)? {
+            left = left.max(remaining);
+            still.extend(&touches);
+            ending.extend(touches);
+            self.close(still)?;
+            if let Some(reason) = self.choose(still)? {
+                return Ok(Err(reason));
+            }
+        }
+        if ending.is_empty() {
+            return Ok(Ok((0.0, ending)));
+        }
+        Ok(self.pass(still, left)?.map(|left| (left, ending)).ok_or(StepReason::NoMode))
+    }
+
     /// Takes those of the touches that are `leaving` away whose impacts accumulate soon in the present mode, and returns them with the
     /// longest time that this takes; `None`: there are none.
     fn accumulating(&mut self, leaving: &mut Vec<&Struck>) -> Result<Option<(f64, Vec<usize>)>, SimError> {
@@ -403,7 +420,8 @@ impl<A: Space> Run<'_, '_, A> {
             let Motion { sim, scale, .. } = &self.motion;
             let lowest = (20.0 * scale.rounding()).max(sim.tolerance * scale.reach) * scale.per_touch[one.touch];
             let (longest, flat) = (sim.zeno_time, rebound * rebound < 2.0 * toward * lowest);
-            if toward > 0.0 && share < 1.0 && (remaining < longest || flat) {
+            // Without loss flat bounces do not accumulate, but they are as many.
+            if toward > 0.0 && (share < 1.0 && (remaining < longest || flat) || share < 1.0 + EQUAL && flat) {
                 left = left.max(remaining.min(longest.max(EXACT.cbrt() / scale.pace)));
                 ending.push(leaving.swap_remove(k).touch);
             }
