@@ -196,7 +196,10 @@ impl OrbitCommand {
 
     /// The branch and those that begin at its flips, as tables and as a picture.
     fn run_branch(&self, problem: &Problem, tables: &[&Path], picture: Option<&Path>) -> Result<Branches, CliError> {
-        let (branch, doubled) = problem.branches(self.doubled).map_err(|e| self.refuse(e))?;
+        let (branch, doubled, fewer) = problem.branches(self.doubled).map_err(|e| self.refuse(e))?;
+        if let Some(why) = fewer {
+            say(&format!("warning: --doubled {}: {}", self.doubled, self.refuse(why)));
+        }
         let columns = problem.branch_columns();
         let mut table = Tables::begin(tables.iter().copied(), &columns, &problem.scene.text)?;
         std::iter::once(&branch).chain(&doubled).flat_map(Branch::rows).for_each(|row| table.row(&row));
@@ -376,7 +379,10 @@ fn print_orbit(orbit: &Orbit, names: &[String], out: &mut dyn Write) -> io::Resu
     }
     match orbit.multipliers.len() - orbit.lasting().len() {
         0 => Ok(()),
-        zeros => writeln!(out, "  and {zeros} of zero: directions that contacts and the section forbid"),
+        zeros => writeln!(
+            out,
+            "  and {zeros} below 1e-7: of directions that contacts or the section forbid, or that die out"
+        ),
     }
 }
 

@@ -6,7 +6,7 @@ use crate::text::toml_text;
 use crate::threads::{left_behind, on_all_cores};
 use carom_study::orbit::{OrbitError, Problem, State};
 use carom_study::{RowFile, write_whole};
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use pythonize::pythonize;
@@ -57,8 +57,8 @@ impl Given {
 ///     end (why the branch ends, in a word and in a sentence), and with ``doubled`` doubled (a list of such dicts).
 ///
 /// Raises:
-///     StudyError: a problem that cannot be read; a motion that does not return to the section; no orbit near the start; a branch without
-///         a flip.
+///     StudyError: a problem that cannot be read; a motion that does not return to the section; no orbit near the start. A branch without
+///         a flip, at which doubled ones begin, is a warning.
 ///     SimulationError: an invalid scene, or a run that fails.
 #[pyfunction]
 #[pyo3(signature = (problem, *, branch=false, doubled=0, folder=PathBuf::from(".")))]
@@ -72,7 +72,11 @@ pub fn orbit<'py>(
     let given = Given::of(problem, folder)?;
     if branch {
         let found = left_behind(py, move |stop| given.read(stop)?.branches(doubled))?;
-        let (branch, all) = found.map_err(raise)?;
+        let (branch, all, fewer) = found.map_err(raise)?;
+        if let Some(why) = fewer {
+            let text = std::ffi::CString::new(format!("doubled = {doubled}: {why}")).unwrap_or_default();
+            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+        }
         let found = pythonize(py, &branch)?;
         if doubled > 0 {
             found.set_item("doubled", pythonize(py, &all)?)?;

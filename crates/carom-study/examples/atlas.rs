@@ -25,6 +25,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         "atlas/hammer7",
         "atlas/hopper",
         "atlas/block",
+        "atlas/kneed",
+        "atlas/biped",
+        "atlas/juggler",
     ];
     for name in names {
         let file = root.join(format!("studies/{name}.toml"));

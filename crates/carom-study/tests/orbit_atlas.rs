@@ -31,6 +31,121 @@ fn a_rocking_block_has_multipliers_of_the_size_of_housners_energy_factor() {
     }
 }
 
+/// External truth: the walker with knees by a program of its own (Lagrange's equations by hand with the stance foot as a hinge, 80-bit
+/// numbers, an integrator of order 8), whose impacts are complementary in feet and knees. The stance knee has no latch: the force of the floor
+/// passes in front of it. Its multipliers are eigenvalues of a matrix far from normal, which have an error of 2e-8.
+#[test]
+fn a_walker_with_knees_has_the_orbit_of_its_own_equations() {
+    let orbit = of_atlas("kneed", "", "").find().unwrap();
+    close("period", orbit.period, 0.577703003961040, 1e-10);
+    let [q, qd] = [&orbit.start.q, &orbit.start.qd];
+    let states = [
+        (q[1], 0.963578072405107),
+        (q[2], -0.217188390496004),
+        (q[4], 0.337044700738419),
+        (qd[0], 1.071693833772834),
+        (qd[1], 0.304827260769175),
+        (qd[2], 1.112202388642851),
+        (qd[4], -0.962724768551528),
+        (qd[5], 7.961587479002110),
+    ];
+    for (found, expected) in states {
+        close("state", found, expected, 2e-11);
+    }
+    for (found, expected) in orbit.multipliers.iter().zip([-0.573893931270, 0.325293476144, -0.047601723848]) {
+        close("multiplier", found.re, expected, 5e-8);
+    }
+    assert_eq!(orbit.lasting().len(), 3);
+    // One knee strikes in the step, and the other one opens at its end only.
+    let times = |what: &str| -> Vec<f64> {
+        orbit.events.iter().filter(|event| event.what.starts_with(what)).map(|event| event.time).collect()
+    };
+    close("knee strike", times("several lower limit of right_knee")[0], 0.347863539302, 1e-10);
+    let [opens] = times("lift-off lower limit of left_knee")[..] else { panic!("{:?}", orbit.events) };
+    close("the stance knee opens", opens, orbit.period, 1e-10);
+}
+
+/// The same program: the gait doubles at this slope. Far beyond it there is another gait at the same slope, to which the branch must not
+/// jump where its own gait ends.
+#[test]
+fn the_branch_of_the_walker_with_knees_doubles_and_does_not_jump() {
+    let branch = of_atlas("kneed", "from = 0.05\nto = 0.08", "from = 0.074\nto = 0.076").branch().unwrap();
+    let [flip] = &branch.special[..] else { panic!("one special point: {:?}", branch.special) };
+    assert_eq!((flip.kind, branch.ended), ("flip", "range"));
+    close("flip", flip.parameter, 0.075098002415, 1e-8);
+    let file = path("studies/atlas/kneed.toml");
+    let text = std::fs::read_to_string(&file).unwrap().replace("from = 0.05\nto = 0.08", "from = 0.192\nto = 0.2");
+    // Where the foot strikes alone it slips, and the gait ends with this.
+    let with = "with = { \"contact.law\" = \"frictionless\", \"robot.q\" = [0, 0.9073453371306647, -0.3778011416095985, 0, 0.4976574518520144, 0], \
+         \"robot.qd\" = [1.220639063502214, 0.5712706969835865, 1.3452860929029415, 0, -5.311508774078992, 25.973372045018376] }\n";
+    let branch = Problem::from_toml(&format!("{with}{text}"), file.parent().unwrap()).unwrap().branch().unwrap();
+    assert!(branch.ended != "range", "{}", branch.end);
+    let last = branch.points.last().unwrap();
+    assert!((0.1945..0.19475).contains(&last.parameter), "{} {}", last.parameter, branch.end);
+    for pair in branch.points.windows(2) {
+        let jump = (pair[1].orbit.start.qd[5] - pair[0].orbit.start.qd[5]).abs();
+        assert!(jump < 0.2, "{} {}: {jump}", pair[0].parameter, pair[1].parameter);
+    }
+}
+
+/// External truth: the three-link biped of Grizzle, Abba & Plestan (2001) by a program of its own (stance foot as a hinge, plastic impact that
+/// sticks, feedback of torso and swing leg; DOP853 with 2e-14), on level ground and on slopes.
+#[test]
+fn a_biped_under_feedback_has_the_orbit_of_its_own_equations() {
+    let problem = of_atlas("biped", "", "");
+    let orbit = problem.find().unwrap();
+    close("period", orbit.period, 0.459205655922, 1e-10);
+    let [q, qd] = [&orbit.start.q, &orbit.start.qd];
+    let states = [
+        (q[2], 0.322296101666),
+        (q[3], -0.265641938167),
+        (q[4], 0.265641938167),
+        (qd[2], 1.035843967062),
+        (qd[3], 1.110140658185),
+        (qd[4], 0.388525199103),
+    ];
+    for (found, expected) in states {
+        close("state", found, expected, 1e-10);
+    }
+    let multipliers = [0.586548636, -0.291287107, 0.0136190946, -0.00682347683, 2.48026e-5];
+    for (found, expected) in orbit.multipliers.iter().zip(multipliers) {
+        close("multiplier", found.re, expected, 2e-8);
+    }
+    let branch = problem.branch().unwrap();
+    assert_eq!((branch.ended, branch.special.len()), ("range", 0));
+    let last = &branch.points.last().unwrap().orbit;
+    close("period on 4 degrees", last.period, 0.380798375982, 1e-9);
+    close("multiplier on 4 degrees", last.multipliers[0].re, 0.499328, 1e-6);
+    // A second route: steps.
+    let start = carom_study::orbit::State { q: q.clone(), qd: qd.iter().map(|rate| 1.02 * rate).collect() };
+    let start = carom_study::orbit::State { qd: start.qd, q: start.q };
+    let end = problem.cycle(0.0, start).unwrap().nth(50).unwrap().unwrap();
+    for (found, expected) in end.qd.iter().zip(qd) {
+        close("rate after 50 steps", *found, *expected, 1e-9);
+    }
+}
+
+/// External truth: a ball on the racket of an arm, by a program of its own, which has M and the bias of the arm by hand and Newton's law.
+#[test]
+fn a_juggling_arm_has_the_orbit_of_its_own_equations() {
+    let problem = of_atlas("juggler", "section.period", "with = { \"contact.law\" = \"newton\" }\nsection.period");
+    let orbit = problem.find().unwrap();
+    let states = [0.817981022427, -1.433825362047, 0.615844345480, 0.450000043672, 0.535322668671];
+    for (found, expected) in orbit.start.q.iter().zip(states) {
+        close("state", *found, expected, 1e-10);
+    }
+    let rates = [1.609668544073, 0.423411696033, -2.033080457283, 0.0, 0.140833230294, -6.610750437319];
+    for (found, expected) in orbit.start.qd.iter().zip(rates) {
+        close("rate", *found, expected, 1e-9);
+    }
+    let pairs = [(0.738018585, 0.277579133), (-0.078852634, 0.587494110)];
+    for (found, (re, im)) in orbit.multipliers.iter().step_by(2).zip(pairs) {
+        close("multiplier", found.re, re, 2e-8);
+        close("multiplier", found.im, im, 2e-8);
+    }
+    assert!(orbit.events.iter().any(|event| (event.time - 0.314356088715).abs() < 1e-9));
+}
+
 /// A theorem: an arm with damped springs, without a drive, loses energy in each motion that is not rest, so that it repeats a motion
 /// only if impacts add what damping takes. Whittaker's and Newton's laws do at this contact, the others cannot.
 #[test]

@@ -391,7 +391,7 @@ fn at_a_flip_a_branch_of_twice_the_period_begins_to_which_cycles_converge() {
     assert!((other.qd[0] - last.orbit.start.qd[0]).abs() > 1e-3, "the two passages differ");
     // The doubled branch has no flip in this range.
     let error = again.doubled(&doubled).err().unwrap().to_string();
-    assert!(error.contains("the branch has no flip"), "{error}");
+    assert!(error.contains("the branch of 2 passages has no flip"), "{error}");
 }
 
 /// A second route of a walker: the doubled gait is that to which steps converge.

@@ -66,6 +66,18 @@ fn basins_and_parts_of_cycles_are_tables_of_their_rows() {
     assert_eq!(read("d.csv").lines().count(), 1 + points);
 }
 
+/// The branch that was computed is not lost because none of twice the period begins on it.
+#[test]
+fn a_branch_without_a_flip_is_told_beside_the_warning() {
+    let desk = Desk::with_studies();
+    let ran = desk.run("orbit studies/atlas/rattle.toml --branch --doubled 1");
+    assert!(ran.code == Some(0) && ran.err.contains("warning: --doubled 1: "), "{ran:?}");
+    assert!(
+        ran.err.contains("the branch of 1 passage has no flip") && ran.out.contains("the branch ends at"),
+        "{ran:?}"
+    );
+}
+
 #[test]
 fn what_cannot_be_done_names_file_option_and_rule() {
     let desk = Desk::with_studies();
@@ -75,7 +87,6 @@ fn what_cannot_be_done_names_file_option_and_rule() {
         ("orbit studies/atlas/hammer2.toml --cycles 2 --values 3 --out c.csv", "[vary] is missing, and several values"),
         ("orbit studies/atlas/hammer2.toml --basin --out c.csv", "[basin] is missing: give it x and y"),
         ("orbit studies/atlas/hammer2.toml --branch --doubled 1", "[vary] is missing: give it parameter, from and to"),
-        ("orbit studies/atlas/rattle.toml --branch --doubled 1", "the branch has no flip"),
         ("orbit studies/atlas/ball.toml --cycles 2 --out -", "--out -: the table can be resumed from its file"),
         ("orbit studies/atlas/ball.toml --out o.csv --threads 1", "--threads is for the rows of --cycles and --basin"),
         ("orbit studies/atlas/ball.toml --out o.csv --show q.z", "--show: no picture is written"),

@@ -96,7 +96,9 @@ impl Drive {
     /// Whether the joint forces do not depend on time explicitly.
     pub(crate) fn is_steady(&self) -> bool {
         self.each_robot().all(|(_, own)| match own {
-            Self::Table(_) | Self::Tracking(_) | Self::Feedback(_) => false,
+            Self::Tracking(_) => false,
+            Self::Table(own) => own.is_steady(),
+            Self::Feedback(own) => own.is_steady(),
             Self::User(own) => own.0.is_steady(),
             _ => true,
         })

@@ -20,7 +20,7 @@ use nalgebra::{DMatrix, DVector};
 /// the displacement from q to r.
 ///
 /// The reference is divided by its impacts. The motion is compared with the part after as many impacts as it had, and each part goes on
-/// beyond both its ends with constant acceleration, so that a motion that strikes early or late is compared with the right part
+/// beyond both its ends with constant acceleration (a part of one row with its velocity), so that a motion that strikes early or late is compared with the right part
 /// (reference spreading: M. Rijnen, A. Saccon, H. Nijmeijer, *On optimal trajectory tracking for mechanical systems with unilateral
 /// constraints*, 2015). Between its rows the reference is a cubic polynomial of the displacement with the velocities of the rows, and the gains are
 /// linear. [`Plan::feedback`](crate::Plan::feedback) finds gains.
@@ -28,7 +28,7 @@ use nalgebra::{DMatrix, DVector};
 pub struct Feedback {
     /// τ_r; `None`: zero.
     pub forces: Option<TorqueTable>,
-    /// Ordered by the number of impacts, then by time; at least two rows for each number of impacts.
+    /// Ordered by the number of impacts, then by time.
     pub rows: Vec<FeedbackRow>,
 }
 
@@ -37,7 +37,7 @@ pub struct Feedback {
 pub struct FeedbackRow {
     /// Time, s.
     pub time: f64,
-    /// Number of impacts before it, of all contacts and joint limits.
+    /// Number of impacts before it, of all contacts and joint limits; an impact of several contacts has one of each of them.
     pub impacts: usize,
     /// Configuration and velocity.
     pub q: Vec<f64>,
@@ -94,6 +94,16 @@ impl Feedback {
         Self { forces, rows: times.into_iter().zip(rows).map(row).collect() }
     }
 
+    /// Whether it does not depend on time explicitly: each part has one state, at rest, and the same gains throughout.
+    pub(crate) fn is_steady(&self) -> bool {
+        let same = |pair: &[FeedbackRow]| {
+            let [a, b] = pair else { return true };
+            a.impacts != b.impacts || (&a.q, &a.gains) == (&b.q, &b.gains)
+        };
+        let rests = self.rows.iter().all(|row| row.qd.iter().all(|v| *v == 0.0));
+        rests && self.rows.windows(2).all(same) && self.forces.as_ref().is_none_or(TorqueTable::is_steady)
+    }
+
     /// The rows of the part after so many impacts.
     fn part(&self, impacts: usize) -> &[FeedbackRow] {
         let rows = &self.rows;
@@ -110,13 +120,16 @@ impl Feedback {
         (q, qd): State,
     ) -> Result<(DVector<f64>, DMatrix<f64>), ChainError> {
         let part = self.part(impacts);
-        let end = part.partition_point(|row| row.time <= time).clamp(1, part.len() - 1);
-        let [a, b] = [&part[end - 1], &part[end]];
-        let h = b.time - a.time;
+        let end = part.partition_point(|row| row.time <= time).min(part.len() - 1).max(1);
+        let a = &part[end - 1];
+        let b = part.get(end).unwrap_or(a);
+        let h = if part.len() == 1 { 1.0 } else { b.time - a.time };
         let d = DVector::from_vec(chain.difference(&a.q, &b.q)?);
         let [u, v] = [a, b].map(|row| DVector::from_column_slice(&row.qd) * h);
         let s = (time - a.time) / h;
-        let (from, moved, rate) = if s < 0.0 {
+        let (from, moved, rate) = if part.len() == 1 {
+            (a, &u * s, u)
+        } else if s < 0.0 {
             let bend = &d * 6.0 - &u * 4.0 - &v * 2.0;
             (a, &u * s + &bend * (s * s / 2.0), u + bend * s)
         } else if s <= 1.0 {
@@ -164,7 +177,7 @@ impl ControlLaw for Feedback {
     fn check(&self, robot: &Driven) -> Result<(), SimError> {
         let (nq, nv) = (robot.chain.nq(), robot.chain.nv());
         let count = self.rows.len();
-        require(count > 1, "number of rows of the feedback", count as f64, "it must have two rows or more")?;
+        require(count > 0, "number of rows of the feedback", count as f64, "it must have a row")?;
         if let Some(forces) = &self.forces {
             forces.check(robot)?;
         }
@@ -181,10 +194,6 @@ impl ControlLaw for Feedback {
         for pair in self.rows.windows(2) {
             let key = |row: &FeedbackRow| (row.impacts, row.time);
             require(key(&pair[0]) < key(&pair[1]), "time of the feedback", pair[1].time, order)?;
-        }
-        for part in self.rows.chunk_by(|a, b| a.impacts == b.impacts) {
-            let rule = "each number of impacts needs two rows or more";
-            require(part.len() > 1, "number of impacts in the feedback", part[0].impacts as f64, rule)?;
         }
         Ok(())
     }

@@ -20,6 +20,13 @@ pub struct TorqueTable {
     pub forces: Vec<Vec<f64>>,
 }
 
+impl TorqueTable {
+    /// Whether its forces are the same at all times.
+    pub(crate) fn is_steady(&self) -> bool {
+        self.forces.windows(2).all(|pair| pair[0] == pair[1])
+    }
+}
+
 impl ControlLaw for Off {
     fn is_decoupled(&self) -> bool {
         true

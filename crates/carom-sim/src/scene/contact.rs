@@ -68,6 +68,29 @@ pub(crate) fn unused(
     })
 }
 
+/// A warning if rigid contacts have friction and the frictionless law, and the scene chooses no law.
+pub(crate) fn frictionless_by_default(
+    Table((whole, contact)): &Table<(ContactKeys, Contact)>,
+    surfaces: &[file::Surface],
+    touches: &[Touch],
+) -> Option<String> {
+    let own = surfaces.iter().map(|surface| &surface.contact);
+    let mut all = own.chain(contact.pair.iter().map(|Table((_, pair))| pair)).chain([whole]);
+    let chosen = all.any(|keys| keys.law.is_some());
+    let slips = |touch: &&Touch| {
+        let rule = &touch.contact;
+        rule.compliance.is_none() && rule.law.name() == LAW_NAMES[0] && rule.law.friction() > 0.0
+    };
+    let touch = touches.iter().find(slips).filter(|_| !chosen)?;
+    Some(format!(
+        "law is \"{}\" by default: {} has friction {} while it lasts and in impacts of several contacts, but not when it is hit \
+         alone; choose a law, also this one",
+        LAW_NAMES[0],
+        touch.name,
+        touch.contact.law.friction()
+    ))
+}
+
 fn compliance(given: &file::Compliance) -> Result<Compliance, String> {
     let file::Compliance { stiffness, force, exponent, damping, pulls, slip_speed, bristle, .. } = given;
     let names = NormalForce::NAMES;

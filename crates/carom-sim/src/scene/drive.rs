@@ -166,7 +166,8 @@ impl Drives<'_> {
         };
         let rows = self.table("feedback_file", feedback_file, |path, chain| {
             let wanted = Feedback::columns(chain);
-            let (times, rows) = Columns::named(path, &wanted)?.pick(&wanted, true, "number")?;
+            let optional = |name: &str| name == "impacts" || name.starts_with("gain.");
+            let (times, rows) = Columns::named(path, &wanted)?.pick(&wanted, optional, "number")?;
             match rows.iter().zip(&times).find(|(row, _)| row[0] < 0.0 || row[0].fract() != 0.0) {
                 Some((row, time)) => Err(format!("impacts = {} at the time {time}: it must be a whole number", row[0])),
                 None => Ok((times, rows)),
@@ -309,10 +310,10 @@ fn torque_table(path: &Path, chain: &Chain) -> Result<TorqueTable, String> {
     let table = Columns::read(path)?;
     if !table.has_names() {
         let wanted: Vec<String> = (0..chain.nv()).map(|v| v.to_string()).collect();
-        let (times, forces) = table.pick(&wanted, true, "joint force")?;
+        let (times, forces) = table.pick(&wanted, |_| false, "joint force")?;
         return Ok(TorqueTable { times, forces });
     }
-    let (times, rows) = table.pick(&names(chain), true, "joint force")?;
+    let (times, rows) = table.pick(&names(chain), |_| false, "joint force")?;
     let spread = |row: Vec<f64>| {
         let mut all = vec![0.0; chain.nv()];
         motors(chain).iter().zip(row).for_each(|(motor, force)| all[motor.v] = force);
@@ -323,7 +324,7 @@ fn torque_table(path: &Path, chain: &Chain) -> Result<TorqueTable, String> {
 
 /// Positions over time, by joint name.
 fn reference(path: &Path, chain: &Chain) -> Result<Reference, String> {
-    let (times, rows) = Columns::named(path, &names(chain))?.pick(&names(chain), true, "position")?;
+    let (times, rows) = Columns::named(path, &names(chain))?.pick(&names(chain), |_| false, "position")?;
     Reference::new(times, &rows).map_err(|e| e.to_string())
 }
 

@@ -10,7 +10,7 @@ use std::path::Path;
 /// A table of N numbers over time; missing columns are zero.
 pub(crate) fn profile<const N: usize>(path: &Path, columns: [&str; N], what: &str) -> Result<Profile<N>, String> {
     let columns = columns.map(str::to_owned);
-    let (times, rows) = Columns::named(path, &columns)?.pick(&columns, false, what)?;
+    let (times, rows) = Columns::named(path, &columns)?.pick(&columns, |_| true, what)?;
     let rows: Vec<[f64; N]> = rows.iter().map(|row| std::array::from_fn(|i| row[i])).collect();
     Profile::new(&times, &rows).map_err(|e| e.to_string())
 }

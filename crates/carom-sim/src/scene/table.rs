@@ -46,13 +46,18 @@ impl Columns {
         if table.has_names() { Ok(table) } else { Err(unnamed()) }
     }
 
-    /// The times and the numbers of these columns, in this order. Columns of other names are refused. With `all` no column may be
-    /// missing and no time may be given twice; without, missing columns are zero. A table without names has the time, then these
-    /// columns. `what`: the meaning of the numbers, for messages.
+    /// The times and the numbers of these columns, in this order. Columns of other names are refused. Those that are `optional` are zero where
+    /// they are missing. A table without names has the time, then these columns. Times ascend; with the column `impacts` those of rows with the
+    /// same number of it. `what`: the meaning of the numbers, for messages.
     ///
     /// # Errors
     /// A message without the name of the file.
-    pub fn pick(self, wanted: &[String], all: bool, what: &str) -> Result<(Vec<f64>, Vec<Vec<f64>>), String> {
+    pub fn pick(
+        self,
+        wanted: &[String],
+        optional: impl Fn(&str) -> bool,
+        what: &str,
+    ) -> Result<(Vec<f64>, Vec<Vec<f64>>), String> {
         let Self { names, rows, lines, unit } = self;
         let known = || wanted.join(", ");
         let places: Vec<Option<usize>> = if names.is_empty() {
@@ -70,13 +75,14 @@ impl Columns {
             if !names.iter().any(|name| name == "time") {
                 return Err("column time is missing: add it, in s".into());
             }
-            let missing = wanted.iter().find(|name| !names.contains(name));
-            if let Some(name) = missing.filter(|_| all) {
+            let missing = wanted.iter().find(|name| !names.contains(name) && !optional(name));
+            if let Some(name) = missing {
                 return Err(format!("column {name} is missing: add it (the columns are time, {})", known()));
             }
             wanted.iter().map(|name| names.iter().position(|own| own == name)).collect()
         };
         let time = names.iter().position(|name| name == "time").unwrap_or(0);
+        let part = wanted.iter().position(|name| name == "impacts");
         let (mut times, mut numbers): (Vec<f64>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
         for (row, line) in rows.into_iter().zip(lines) {
             let needed = if names.is_empty() { wanted.len() + 1 } else { names.len() };
@@ -93,8 +99,8 @@ impl Columns {
             }
             times.push(row[time]);
             numbers.push(places.iter().map(|place| place.map_or(0.0, |k| row[k])).collect());
-            let [.., before, now] = times.as_slice() else { continue };
-            if now < before {
+            let ([.., before, now], [.., last, own]) = (times.as_slice(), numbers.as_slice()) else { continue };
+            if now < before && part.is_none_or(|k| last[k] == own[k]) {
                 return Err(format!("{unit} {line}: time {now} is below that of the previous row: times must ascend"));
             }
         }

@@ -7,7 +7,8 @@
 //! | t | unit vector of that direction |
 //! | s | length along the branch |
 //!
-//! From a point the next one is predicted along t, and corrected by Newton's method perpendicular to t. Between two points a special one is
+//! From a point the next one is predicted along t, and corrected by Newton's method perpendicular to t. A correction that is longer than the
+//! longest step leads to an orbit that is not on the branch, and the step is shortened. Between two points a special one is
 //! located where a function of the branch changes its sign:
 //!
 //! | special point | function | meaning |
@@ -116,19 +117,25 @@ impl Problem {
         self.follow_on(&vary, here, (iterations, FIRST))
     }
 
-    /// The branch, and those of twice the period that begin at the first flip of the one before, so many times in turn.
+    /// The branch, and those of twice the period that begin at the first flip of the one before, so many times in turn; and why there are
+    /// fewer of them.
     ///
     /// # Errors
-    /// As [`Problem::branch`] and [`Problem::doubled`].
-    pub fn branches(&self, doubled: u8) -> Result<(Branch, Vec<Branch>), OrbitError> {
+    /// As [`Problem::branch`].
+    pub fn branches(&self, doubled: u8) -> Result<(Branch, Vec<Branch>, Option<OrbitError>), OrbitError> {
         let branch = self.branch()?;
         let (mut problem, mut all) = (self.clone(), Vec::new());
         for _ in 0..doubled {
-            let (next, own) = problem.doubled(all.last().unwrap_or(&branch))?;
-            problem = next;
-            all.push(own);
+            match problem.doubled(all.last().unwrap_or(&branch)) {
+                Ok((next, own)) => {
+                    problem = next;
+                    all.push(own);
+                }
+                Err(error @ OrbitError::Run(carom_sim::SimError::Stopped { .. })) => return Err(error),
+                Err(why) => return Ok((branch, all, Some(why))),
+            }
         }
-        Ok((branch, all))
+        Ok((branch, all, None))
     }
 
     /// Follows the orbits of twice the period that begin at the first flip of a branch of this problem; returns also the problem of them,
@@ -139,8 +146,10 @@ impl Problem {
     pub fn doubled(&self, branch: &Branch) -> Result<(Self, Branch), OrbitError> {
         let flip = branch.special.iter().find(|it| it.kind == "flip");
         let (Some(vary), Some(flip)) = (self.vary.clone(), flip) else {
-            let rule = "the branch has no flip, at which orbits of twice the period begin: follow it over a longer range of [vary]";
-            return Err(self.refusal(rule));
+            return Err(self.refusal(format!(
+                "the branch of {} has no flip, at which orbits of twice the period begin: follow it over a longer range of [vary]",
+                if branch.passages == 1 { "1 passage".to_owned() } else { format!("{} passages", branch.passages) }
+            )));
         };
         let near = &branch.points[flip.after.clamp(1, branch.points.len()) - 1].orbit.start;
         let plan = self.plan(Some(flip.parameter))?;
@@ -288,7 +297,13 @@ impl Problem {
             let plan = self.plan(Some(value))?;
             let parameter = self.parameter(value);
             let look = self.look(&plan, x, parameter.as_ref())?;
+            let done = difference(&plan.simulation.chain, &here.look.x, &look.x)?;
             if look.size <= self.converged() {
+                let beside = unknown.iter().map(|k| (done[*k] - step * here.direction[*k]).powi(2)).sum::<f64>();
+                let distance = beside.sqrt().hypot((value - here.value) / range - step * here.direction[n]);
+                if distance > LONGEST {
+                    return Err(OrbitError::Apart { distance });
+                }
                 return Ok((self.place(vary, (value, plan), look, &here.direction), iteration));
             }
             if look.size > 10.0 * last {
@@ -301,7 +316,6 @@ impl Problem {
             let mut right = DVector::zeros(m + 1);
             unknown.iter().enumerate().for_each(|(i, k)| right[i] = -look.r[*k]);
             // Beside the constraint of the step: the distance that is left along the direction.
-            let done = difference(&plan.simulation.chain, &here.look.x, &look.x)?;
             let along: f64 = unknown.iter().map(|k| done[*k] * here.direction[*k]).sum();
             right[m] = step - along - here.direction[n] * (value - here.value) / range;
             let solved = least_norm(&matrix, &right, f64::EPSILON);

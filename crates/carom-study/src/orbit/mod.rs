@@ -183,6 +183,15 @@ pub enum OrbitError {
         /// The least that was reached.
         residual: f64,
     },
+    /// Newton's method converged to an orbit that is not on the branch.
+    #[error(
+        "the nearest orbit is {distance:.1e} (m, rad, their rates, shares of the range) beside the line along which the branch leads: it is \
+         not on the branch"
+    )]
+    Apart {
+        /// Distance, of displacements, velocities and the share of the range.
+        distance: f64,
+    },
 }
 
 /// How runs to the section fail, as words of tables; the book explains them: `book/src/task-orbits.md`.
@@ -200,7 +209,7 @@ impl OrbitError {
             Self::Jumps { .. } => "jumps",
             Self::Presses { .. } => "pressing",
             Self::NoDerivative { .. } => "no-derivative",
-            Self::NotConverged { .. } => "not-converged",
+            Self::NotConverged { .. } | Self::Apart { .. } => "not-converged",
             Self::File { .. } | Self::Run(_) => "fails",
         }
     }
