@@ -71,9 +71,10 @@ impl<A: Algebra> Chain<A> {
         check_finite(what, numbers)
     }
 
-    /// The joints of one degree of freedom, mimic joints included, whose position at `q` is outside their limits: their names, each with
-    /// a sentence.
+    /// The joints of one degree of freedom, mimic joints included, whose position at `q` is outside their limits by more than 1e-12 (rad, m, or
+    /// of the limit), the rounding of a computed state: their names, each with a sentence.
     pub fn outside_limits(&self, q: &[f64]) -> Vec<(&str, String)> {
+        let rounding = |limit: f64| 1e-12 * limit.abs().max(1.0);
         let mut outside = Vec::new();
         for joint in self.joints() {
             let position = match &joint.coordinates {
@@ -87,8 +88,8 @@ impl<A: Algebra> Chain<A> {
             };
             let Some(position) = position else { continue };
             let limit = match (joint.limits.lower, joint.limits.upper) {
-                (Some(lower), _) if position < lower => lower,
-                (_, Some(upper)) if position > upper => upper,
+                (Some(lower), _) if position < lower - rounding(lower) => lower,
+                (_, Some(upper)) if position > upper + rounding(upper) => upper,
                 _ => continue,
             };
             let unit = if joint.kind == JointType::Prismatic { "m" } else { "rad" };

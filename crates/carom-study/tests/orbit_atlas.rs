@@ -146,6 +146,26 @@ fn a_juggling_arm_has_the_orbit_of_its_own_equations() {
     assert!(orbit.events.iter().any(|event| (event.time - 0.314356088715).abs() < 1e-9));
 }
 
+/// Closed form: under a table that shakes gently a ball without loss needs no motion of it, and one that loses all rests. At a coefficient of
+/// restitution of 1 and at a friction of 0 no differences can be taken beyond the end of the range.
+#[test]
+fn branches_reach_the_ends_of_admissible_ranges() {
+    let text = "scene = \"ball_scene.toml\"\nsection.period = 0.1\nwith = { \"surface[0].motion.amplitude[2]\" = 0.0015 }\n\
+                [vary]\nparameter = \"contact.restitution\"\nfrom = 0.7\nto = 1\n";
+    let branch = Problem::from_toml(text, path("studies/atlas")).unwrap().branch().unwrap();
+    assert_eq!((branch.ended, branch.points.last().unwrap().parameter), ("range", 1.0), "{}", branch.end);
+    // The product of the multipliers is e², at any restitution.
+    for point in &branch.points {
+        let product: f64 = point.orbit.multipliers.iter().map(|x| x.norm()).product();
+        close("product", product, point.parameter.powi(2), 1e-7);
+    }
+    let file = path("studies/atlas/hammer2.toml");
+    let text =
+        std::fs::read_to_string(&file).unwrap() + "[vary]\nparameter = \"contact.friction\"\nfrom = 0\nto = 0.02\n";
+    let branch = Problem::from_toml(&text, file.parent().unwrap()).unwrap().branch().unwrap();
+    assert_eq!((branch.ended, branch.points[0].parameter), ("range", 0.0), "{}", branch.end);
+}
+
 /// A theorem: an arm with damped springs, without a drive, loses energy in each motion that is not rest, so that it repeats a motion
 /// only if impacts add what damping takes. Whittaker's and Newton's laws do at this contact, the others cannot.
 #[test]

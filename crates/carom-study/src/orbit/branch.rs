@@ -191,26 +191,30 @@ impl Problem {
             ended: "points",
             end: String::new(),
         };
+        let beyond = |value: f64| (value - vary.from) / (vary.to - vary.from);
         while branch.points.len() < vary.points {
+            let left = (1.0 - beyond(here.value)) / here.direction[here.look.r.len()];
+            if (0.0..=step).contains(&left)
+                && let Some((last, iterations)) = self.landed(vary, &here, left)
+            {
+                self.specials(vary, &here, &last, left, &mut branch);
+                branch.points.push(self.point(&last, iterations));
+                (branch.ended, branch.end) = ("range", format!("{} = {}, the end of the range", vary.name, vary.to));
+                return Ok(branch);
+            }
             match self.next(vary, &here, step) {
                 Ok((there, iterations)) => {
-                    let beyond = |value: f64| (value - vary.from) / (vary.to - vary.from);
-                    let (share, turned) = (beyond(there.value), there.direction[there.look.r.len()] < 0.0);
-                    if share >= 1.0 && !turned {
-                        let last = self.landed(vary, &here, &there);
-                        self.specials(vary, &here, last.as_ref().unwrap_or(&there), step, &mut branch);
-                        if let Some(last) = last {
-                            branch.points.push(self.point(&last, iterations));
-                        }
-                        (branch.ended, branch.end) =
-                            ("range", format!("{} = {}, the end of the range", vary.name, vary.to));
-                        return Ok(branch);
-                    }
+                    let share = beyond(there.value);
                     self.specials(vary, &here, &there, step, &mut branch);
                     branch.points.push(self.point(&there, iterations));
                     if share < 0.0 {
                         let end = format!("{} = {}: back beyond the start of the range", vary.name, there.value);
                         (branch.ended, branch.end) = ("start", end);
+                        return Ok(branch);
+                    }
+                    if share >= 1.0 {
+                        let end = format!("{} = {}, beyond the end of the range", vary.name, there.value);
+                        (branch.ended, branch.end) = ("range", end);
                         return Ok(branch);
                     }
                     here = there;
@@ -327,14 +331,17 @@ impl Problem {
         Err(OrbitError::NotConverged { iterations: CORRECTIONS, residual: last })
     }
 
-    /// The orbit at the end of the range, between two points.
-    fn landed(&self, vary: &Vary, here: &Place, there: &Place) -> Option<Place> {
+    /// The orbit at the end of the range after a point from which the branch leads there by a length `step`, and the number of runs; `None` if
+    /// it is not found on the branch.
+    fn landed(&self, vary: &Vary, here: &Place, step: f64) -> Option<(Place, usize)> {
+        let n = here.look.r.len();
         let plan = self.plan(Some(vary.to)).ok()?;
-        let parameter = self.parameter(vary.to);
-        let share = (vary.to - here.value) / (there.value - here.value);
-        let nearer = if share > 0.5 { there } else { here };
-        let (look, _) = self.find_from(&plan, nearer.look.x.clone(), parameter.as_ref()).ok()?;
-        Some(self.place(vary, (vary.to, plan), look, &here.direction))
+        let along = here.direction.rows(0, n) * step;
+        let near = self.moved(&here.plan, &here.look, &along).ok()?;
+        let (look, iterations) = self.find_at_end(&plan, near, vary.to).ok()?;
+        let moved = difference(&plan.simulation.chain, &here.look.x, &look.x).ok()? - along;
+        let beside = self.unknown(n).iter().map(|k| moved[*k].powi(2)).sum::<f64>().sqrt();
+        (beside <= LONGEST).then(|| (self.place(vary, (vary.to, plan), look, &here.direction), iterations))
     }
 
     /// The special points between two points.

@@ -8,7 +8,7 @@ use super::return_map::Differentiated;
 use super::{Orbit, OrbitError, Stability, State};
 use carom_chain::Chain;
 use carom_impact::least_norm;
-use carom_sim::{Parameter, Plan};
+use carom_sim::{Parameter, Plan, SimError};
 use nalgebra::{Complex, DMatrix, DVector};
 
 /// Steps of Newton's method at most.
@@ -44,8 +44,19 @@ impl Problem {
         for _ in 0..self.before {
             start = self.period(plan, &start)?.end;
         }
-        let parameter = self.vary.as_ref().and_then(|vary| self.parameter(vary.from));
-        self.find_from(plan, start, parameter.as_ref())
+        match &self.vary {
+            Some(vary) => self.find_at_end(plan, start, vary.from),
+            None => self.find_from(plan, start, None),
+        }
+    }
+
+    /// Finds the orbit at an end of the range of the parameter; without the derivative by it where values beyond it are inadmissible, as of a
+    /// coefficient of restitution at 1.
+    pub(super) fn find_at_end(&self, plan: &Plan, start: State, value: f64) -> Result<(Look, usize), OrbitError> {
+        match self.find_from(plan, start.clone(), self.parameter(value).as_ref()) {
+            Err(OrbitError::Run(SimError::Scene { .. })) => self.find_from(plan, start, None),
+            found => found,
+        }
     }
 
     /// Finds the orbit near a state on the section; returns also the number of runs with derivatives.

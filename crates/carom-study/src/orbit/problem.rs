@@ -243,7 +243,7 @@ impl Problem {
             modulo,
             relabel,
             passages: at_least_one("passages", *passages, 1)?,
-            before: at_least_one("before", *before, 1)?,
+            before: before.unwrap_or(1),
             tolerance,
             vary: vary.transpose()?,
             basin: None,
