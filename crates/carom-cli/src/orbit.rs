@@ -64,8 +64,8 @@ pub struct OrbitCommand {
     ///
     /// .csv, .parquet: the motion of one period, the branch, the cycles or the basin as a table. .svg: a
     /// picture of these, of the columns of --show. .rrd: a recording of one period for the Rerun viewer; needs a
-    /// carom that is built with the feature `rerun`. With - the table is on standard output as CSV, in
-    /// place of the answer.
+    /// carom that is built with the feature `rerun`. With - the table of an orbit or a branch is
+    /// on standard output as CSV, in place of the answer.
     #[arg(short, long, value_name = "FILE", verbatim_doc_comment)]
     out: Vec<PathBuf>,
     /// Column that is drawn

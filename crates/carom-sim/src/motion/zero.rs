@@ -91,18 +91,18 @@ mod tests {
     /// The thresholds of a pendulum of L = 0.45 m on a slide, which moves at 2 m/s and 3 rad/s, in units of length and time, with their powers of both.
     fn thresholds(length: f64, time: f64) -> Vec<(&'static str, f64, [i32; 2])> {
         let foot = shape(&ball(0.05 * length), [0.0, 0.0, -0.4 * length], O);
-        let bob = Part::hinge("bob", "slide", Y).limits(-1.0, 1.0, 9.0).with(foot);
-        let slide = Part::slider("slide", "base", X);
+        let bob = Part::new("bob", "slide", "revolute", Y, O).limits(-1.0, 1.0, 9.0).with(foot);
+        let slide = Part::slider("slide", "base", X).limits(-9.0 * length, 9.0 * length, 9.0);
         let folder = Folder::new();
         folder.write("robot.urdf", urdf(&[slide, bob]));
         let scene = format!(
-            "[robot]\nurdf = \"robot.urdf\"\nq = [{}, 0]\nqd = [{}, {}]\n[[surface]]\nname = \"floor\"\n\
-             shape = {{ halfspace = {{ point = [0, 0, {}], normal = [0, 0, 1] }} }}\n\
+            "[robot]\nurdf = \"robot.urdf\"\nq = [{}, 0]\nqd = [{}, {}]\n[[surface]]\nname = \"wall\"\n\
+             shape = {{ halfspace = {{ point = [{}, 0, 0], normal = [-1, 0, 0] }} }}\n\
              [run]\nduration = 1\ntolerance = 1e-7\ngravity = [0, 0, {}]\n",
             0.5 * length,
             2.0 * length / time,
             3.0 / time,
-            -length,
+            2.0 * length,
             -0.45 * length / (time * time),
         );
         let plan = Scene::from_toml(&scene, &folder).unwrap().plan().unwrap();

@@ -486,7 +486,7 @@ impl<A: Space> Run<'_, '_, A> {
         let rest = self.motion.rest();
         let (sim, time) = (self.motion.sim, self.time);
         let one = &sim.touches[touch];
-        if one.link().is_none() || !one.is_point() {
+        if !one.is_point() {
             return Ok(false);
         }
         let before = self.y.clone();

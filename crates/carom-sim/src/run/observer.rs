@@ -188,7 +188,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         let parts = (turning * (end - start) / NEAR).ceil().clamp(1.0, PARTS as f64);
         let mut from = start;
         for part in 1..=parts as usize {
-            let to = if part as f64 == parts { end } else { start + (end - start) * part as f64 / parts };
+            let to = (start + (end - start) * part as f64 / parts).min(end);
             let [after, _] = at(self, to);
             if after <= 0.0 {
                 let time = descent((from, before), (to, after), |time| at(self, time)[0]);

@@ -47,7 +47,8 @@ pub struct State {
 pub struct Happened {
     /// Time since the start of the orbit, s.
     pub time: f64,
-    /// Kind ([`EventKind::name`](carom_sim::EventKind::name)) and contacts: `impact foot on floor`.
+    /// Kind ([`EventKind::name`](carom_sim::EventKind::name)) and contacts, of an impact with friction also its mode: `impact foot on floor
+    /// (stick)`.
     pub what: String,
 }
 

@@ -19,7 +19,9 @@
 use super::problem::{Problem, Section};
 use super::{Happened, OrbitError, State};
 use carom_chain::Chain;
-use carom_sim::{Broken, Event, Moment, Parameter, Plan, Sampling, Seen, Segment, Session, SimError, StopReason};
+use carom_sim::{
+    Broken, Event, EventKind, Moment, Parameter, Plan, Sampling, Seen, Segment, Session, SimError, StopReason,
+};
 use nalgebra::{DMatrix, DVector};
 
 /// One passage from a state on the section to the next.
@@ -127,7 +129,13 @@ impl Problem {
             let mut own = Vec::new();
             let stopped = session.stream_to_event(left, sampling, &mut |it| match it {
                 Seen::Event(event) => {
-                    own.push(Happened { time: event.time - from, what: event.named(touches).told() });
+                    let mut what = event.named(touches).told();
+                    if let EventKind::Impact { touch, hit } = &event.kind
+                        && touches[*touch].contact.law.friction() > 0.0
+                    {
+                        what += &format!(" ({})", hit.contact.mode.name());
+                    }
+                    own.push(Happened { time: event.time - from, what });
                     ended |= ends(event) && event.time > from;
                 }
                 Seen::Segment(segment) => seen.look(segment),
