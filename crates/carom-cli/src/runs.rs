@@ -78,7 +78,12 @@ pub fn run((file, scene, plan): (&Path, &Scene, &Plan), asked: &Asked, out: &mut
     let report = Report { resumed: there - spread.runs, runs: spread, covariance };
     let written = answer(out, &report, json, for_people);
     written.map_err(|refused| CliError::refused(file, refused))?;
-    ended
+    match &report.runs.first_refusal {
+        Some(why) if report.runs.impacts.is_none() => {
+            Err(CliError::Scene(format!("{}: all runs are refused; {why}", file.display())))
+        }
+        _ => ended,
+    }
 }
 
 fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {

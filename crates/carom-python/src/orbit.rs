@@ -6,7 +6,7 @@ use crate::text::toml_text;
 use crate::threads::{left_behind, on_all_cores};
 use carom_study::orbit::{OrbitError, Problem, State};
 use carom_study::{RowFile, write_whole};
-use pyo3::exceptions::{PyTypeError, PyUserWarning};
+use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use pythonize::pythonize;
@@ -70,6 +70,11 @@ pub fn orbit<'py>(
     folder: PathBuf,
 ) -> PyResult<Array<'py>> {
     let given = Given::of(problem, folder)?;
+    if doubled > 0 && !branch {
+        return Err(PyValueError::new_err(
+            "doubled: orbits of twice the period begin on a branch: give branch=True, too",
+        ));
+    }
     if branch {
         let found = left_behind(py, move |stop| given.read(stop)?.branches(doubled))?;
         let (branch, all, fewer) = found.map_err(raise)?;
@@ -119,6 +124,10 @@ pub fn cycles<'py>(
     let found = left_behind(py, move |stop| {
         let problem = given.read(stop)?;
         let own = State { q: problem.scene.q.clone(), qd: problem.scene.qd.clone() };
+        if value.is_some() && problem.range().is_none() {
+            let rule = "the problem has no [vary], whose parameter it would be: leave it out".into();
+            return Err(OrbitError::File { file: "value".into(), rule });
+        }
         let value = value.or(problem.range().map(|[from, _]| from)).unwrap_or(0.0);
         problem.cycle(value, start.unwrap_or(own))?.skip(skip).take(cycles).collect::<Result<Vec<State>, OrbitError>>()
     })?;

@@ -13,7 +13,7 @@ use carom_sim::{Plan, Regulator, SimError, ToAccuracy};
 use carom_study::tracked;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyMapping};
 use pythonize::pythonize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -58,6 +58,40 @@ impl Functions {
     /// Whether nothing acts beside the keys.
     pub fn is_empty(&self) -> bool {
         self.laws.is_empty() && self.controller.is_none()
+    }
+
+    /// Refuses a controller that samples, by what is asked.
+    pub fn refuse_rate(&self, what: &str) -> PyResult<()> {
+        match self.controller.as_ref().and_then(PythonController::rate) {
+            Some(rate) => Err(PyValueError::new_err(format!(
+                "{what}: the controller of the scene has a rate, {rate} Hz, and what it does between its samples follows from no tolerance \
+                 and has no derivatives: give it without a rate"
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses changes of keys that a law or a controller given after reading would make ineffective.
+    fn refuse_hidden(&self, changes: &[String]) -> PyResult<()> {
+        let coefficients = ["law", "restitution", "friction", "tangential_restitution"];
+        let of_law = |path: &&String| {
+            path.contains("contact")
+                && (path.ends_with("contact") || coefficients.iter().any(|key| path.ends_with(key)))
+        };
+        let of_controller = |path: &&String| {
+            let key = path.rsplit('.').next().unwrap_or(path);
+            let key = key.split('[').next().unwrap_or(key);
+            path.starts_with("run.")
+                && ["controller", "torque", "kp", "kd", "target", "reference", "gain"].contains(&key)
+        };
+        let law = if self.laws.is_empty() { None } else { changes.iter().find(of_law).map(|key| (key, "with_law")) };
+        let drive = self.controller.as_ref().and_then(|_| changes.iter().find(of_controller));
+        match law.or(drive.map(|key| (key, "with_controller"))) {
+            Some((key, method)) => Err(PyValueError::new_err(format!(
+                "{key}: what {method} gave to the scene acts in place of it: change the keys first, then call {method}"
+            ))),
+            None => Ok(()),
+        }
     }
 
     /// The result of a simulation, or the exception that a function has raised in it.
@@ -313,7 +347,7 @@ impl Scene {
     ///
     /// Args:
     ///     changes: values by the path of their key, such as {"run.gravity": [0, 0, -1.62], "contact.restitution": 0.8,
-    ///         "surface[0].friction": 0.1, "robot.mass": {"hand": 0.9}}. A dict as value changes the keys that it has, and keeps the
+    ///         "surface[0].contact.friction": 0.1, "robot.mass": {"hand": 0.9}}. A dict as value changes the keys that it has, and keeps the
     ///         others; None takes a key out; any other value replaces what is there.
     ///
     /// Laws and the controller in Python, start and duration of this scene are kept; where a key is changed, it counts.
@@ -322,6 +356,10 @@ impl Scene {
     ///     SimulationError, UrdfError, StateError: as `from_dict`, with the path of the key.
     ///     ValueError: a path that leads nowhere; a start of several robots that is in no key.
     fn with_keys(&self, py: Python<'_>, changes: Given) -> PyResult<Self> {
+        if let Ok(mapping) = changes.cast::<PyMapping>() {
+            self.functions
+                .refuse_hidden(&mapping.keys()?.iter().filter_map(|key| key.extract().ok()).collect::<Vec<_>>())?;
+        }
         let text = changed_text(self.keys()?, changes)?;
         Self::of_keys(py, &text, self.sources.folder.clone())?.with_functions(py, &self.functions)
     }

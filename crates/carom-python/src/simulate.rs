@@ -36,10 +36,8 @@ impl Scene {
         let every = sample.or(self.scene.sample).unwrap_or(SAMPLE);
         let sampling = Sampling { every: Some(every), dense: every > LOOK, loads };
         let rated = self.functions.controller.as_ref().and_then(|it| Some((it, it.rate()?)));
-        if error && rated.is_some() {
-            return Err(PyValueError::new_err(
-                "error: the scene has a controller with a rate, and what it does between its samples does not follow from the tolerance",
-            ));
+        if error {
+            self.functions.refuse_rate("error")?;
         }
         let duration = self.scene.duration;
         let done = interruptible(py, |look| {
@@ -95,15 +93,17 @@ impl Scene {
     ///     wrt: by what, in the order of the columns. "q" and "qd" are the whole start, "q elbow" a part of it; parameters are "restitution"
     ///         and "friction" of all contacts together, "kp elbow", "kd elbow", "target elbow" or "torque elbow" of each joint under PD
     ///         control or constant forces, and any number of the scene by the path of its key, as in `with_keys`: "contact.friction",
-    ///         "run.gravity[2]", "surface[0].restitution". Rows of tables have numbers: "torque elbow 3", "reference elbow 3". A name stands
+    ///         "run.gravity[2]", "surface[0].contact.restitution". Rows of tables have numbers: "torque elbow 3", "reference elbow 3". A name stands
     ///         for all that begin with it: "kp", "torque elbow". By default all but the keys.
     ///
     /// Raises:
-    ///     ValueError: a name that the scene does not have; a key that is no number, or that changes the start or the duration.
+    ///     ValueError: a name that the scene does not have; a key that is no number, or that changes the start or the duration; a controller
+    ///         with a rate.
     ///     SimulationError: as `simulate`; a key that changes the joints or the possible contacts. A run that is not differentiable is no
     ///         error: see `Sensitivity.broken`.
     #[pyo3(signature = (wrt=None))]
     fn sensitivity(&self, py: Python<'_>, wrt: Option<Vec<String>>) -> PyResult<Sensitivity> {
+        self.functions.refuse_rate("sensitivity")?;
         let (scene, mut plan) = self.planned(py)?;
         let chosen = sensitivity::chosen(py, &scene, &plan, wrt)?;
         let (duration, rows) = (self.scene.duration, plan.simulation.state_names());
@@ -126,6 +126,7 @@ impl Scene {
     ///     SimulationError: as `sensitivity`; a run that is not differentiable, with time and reason.
     #[pyo3(signature = (wrt=None))]
     fn linear_run(&self, py: Python<'_>, wrt: Option<Vec<String>>) -> PyResult<LinearRun> {
+        self.functions.refuse_rate("linear_run")?;
         let (scene, mut plan) = self.planned(py)?;
         let Columns { parameters, columns } = sensitivity::chosen(py, &scene, &plan, wrt)?;
         let duration = self.scene.duration;

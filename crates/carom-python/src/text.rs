@@ -32,7 +32,7 @@ pub fn written(table: &Table) -> PyResult<String> {
     Ok(format!("# from a dict\n{text}"))
 }
 
-/// The text of these keys with changes: a dict of values by path (`run.gravity`, `surface[0].restitution`). A dict as value changes the keys
+/// The text of these keys with changes: a dict of values by path (`run.gravity`, `surface[0].contact.restitution`). A dict as value changes the keys
 /// that it has, None takes a key out, and any other value replaces what is there.
 ///
 /// # Errors
@@ -47,6 +47,11 @@ pub fn changed_text(mut keys: Table, changes: &Bound<'_, PyAny>) -> PyResult<Str
             path.extract().map_err(|_| PyTypeError::new_err(format!("the key {path} is not a string")))?;
         let (at, part) = place(&mut keys, &path).map_err(PyValueError::new_err)?;
         if value.is_none() {
+            if part.ends_with(']') {
+                let message =
+                    format!("{path}: None takes a key out, and this is an entry of a list: give the list without it");
+                return Err(PyValueError::new_err(message));
+            }
             at.remove(part);
         } else {
             merge(entry(at, part, &path).map_err(PyValueError::new_err)?, &path, &value)?;

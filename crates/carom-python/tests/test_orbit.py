@@ -55,3 +55,10 @@ def test_problems_are_dicts_too_and_wrong_ones_are_refused():
         carom.orbit(keys | {"section": {}}, folder=BALL.parent)
     with pytest.raises(TypeError, match="neither a path nor a dict"):
         carom.orbit(3)
+
+
+def test_doubled_and_value_need_a_branch_and_a_parameter():
+    with pytest.raises(ValueError, match="give branch=True"):
+        carom.orbit(BALL, doubled=1)
+    with pytest.raises(carom.StudyError, match="has no .vary."):
+        carom.cycles(ROOT / "studies/atlas/hammer2.toml", 2, value=1.3)

@@ -664,3 +664,22 @@ def test_a_scene_with_an_accuracy_chooses_its_tolerance():
     strict = carom.Scene.from_toml(text.replace("1e-6", "1e-17"), folder=ROOT / "scenes")
     with pytest.raises(carom.SimulationError, match="rounding prevents"):
         strict.simulate()
+
+
+def test_wishes_that_have_no_effect_are_refused():
+    scene = carom.Scene.from_file(ROOT / "scenes/planar2.toml")
+    law = scene.with_law(carom.Newton(0.5))
+    with pytest.raises(ValueError, match="contact.restitution: what with_law gave to the scene acts in place of it"):
+        law.with_keys({"contact.restitution": 0.9})
+    own = scene.with_controller(lambda t, q, qd: -qd)
+    with pytest.raises(ValueError, match="run.controller: what with_controller gave"):
+        own.with_keys({"run.controller": "constant", "run.torque": [1, 1]})
+    assert own.with_keys({"run.gravity": [0, 0, 0]}).duration == scene.duration
+    rated = scene.with_controller(lambda t, q, qd: -qd, rate=50)
+    for ask in (rated.sensitivity, rated.linear_run, lambda: rated.simulate(error=True)):
+        with pytest.raises(ValueError, match="has a rate, 50 Hz"):
+            ask()
+    with pytest.raises(ValueError, match=r"surface\[0\]: None takes a key out, and this is an entry of a list"):
+        scene.with_keys({"surface[0]": None})
+    with pytest.raises(ValueError, match="duration is no parameter"):
+        scene.sensitivity(["run.duration"])

@@ -1,6 +1,6 @@
 //! Touches that close under a condition.
 
-use carom_sim::{EventKind, Scene, SimError, Trajectory};
+use carom_sim::{Drive, EventKind, Scene, SimError, Simulation, Trajectory};
 use carom_testing::files::Folder;
 
 /// A point that slides along x and falls along z onto a floor at z = 0, which it may strike only where `condition` is positive. It starts at
@@ -112,4 +112,36 @@ fn conditions_that_are_no_functions_of_joints_are_refused_with_key_and_value() {
         let refused = scene(&format!("closes_while = \"{formula}\""), [0.1, 0.2, 0.0], BOUNCE).unwrap_err().to_string();
         assert!(refused.contains("[[contact.pair]] closes_while") && refused.contains(told), "{formula}: {refused}");
     }
+}
+
+/// By time steps as by events: a touch whose condition fails does not strike, and one that carries a load goes on after its condition has
+/// failed.
+#[test]
+fn time_steps_obey_the_condition() {
+    let steps = |condition: &str, [x, z]: [f64; 2], contact: &str| {
+        let scene = scene(condition, [x, z, 0.0], contact).unwrap();
+        let simulation = Simulation { stepping: true, ..scene.plan().unwrap().simulation };
+        simulation.run(&scene.q, &scene.qd, 1.0).unwrap().summary.last
+    };
+    let falls = steps("closes_while = \"x - 2\"", [0.1, 0.2], BOUNCE);
+    assert!((falls.q[1] - (0.2 - 5.0)).abs() < 0.02, "{falls:?}");
+    // It rests on the floor where the condition fails, from x = 0.5 on.
+    let rests = steps("closes_while = \"0.5 - x\"", [0.1, 0.01], "law = \"newton\"\nrestitution = 0");
+    assert!(rests.q[0] > 1.0 && rests.q[1].abs() < 1e-3, "{rests:?}");
+}
+
+/// Impacts are counted by time steps, too: the controller after the first impact pushes the body up.
+#[test]
+fn time_steps_switch_the_controller_after_an_impact() {
+    let scene = scene("", [0.1, 0.05, 0.0], "law = \"newton\"\nrestitution = 0").unwrap();
+    let sim = scene.plan().unwrap().simulation;
+    let rise = |stepping: bool| {
+        let after_impact = Some(Drive::Constant(vec![0.0, 12.0]));
+        let sim = Simulation { stepping, after_impact, ..sim.clone() };
+        sim.run(&scene.q, &scene.qd, 1.0).unwrap().summary.last.q[1]
+    };
+    // It falls for 0.1 s, and then rises with 2 m/s².
+    let exact = (1.0 - 0.1_f64).powi(2);
+    assert!((rise(false) - exact).abs() < 1e-8, "{}", rise(false));
+    assert!((rise(true) - exact).abs() < 0.01, "{}", rise(true));
 }

@@ -2,8 +2,8 @@
 
 use carom_impact::{Damping, Newton};
 use carom_sim::{
-    Compliance, ContactRule, Drive, Loop, LoopFrame, LoopJoint, Parameter, Scene, Sensitivity, Simulation, TorqueTable,
-    Touch, Yielding,
+    Compliance, ContactRule, Drive, Gains, Loop, LoopFrame, LoopJoint, Parameter, Pd, Scene, Sensitivity, Simulation,
+    TorqueTable, Touch, Yielding,
 };
 use carom_testing::build::{self, Part, X, Y, Z, along, chain, falling_ball};
 use carom_testing::scenes::{DOWN, changed, newton, on_floor};
@@ -563,5 +563,38 @@ fn sensitivities_by_keys_of_the_scene_equal_differences_of_runs() {
     ] {
         let told = scene.parameter(key).unwrap_err().to_string();
         assert!(told.starts_with(why), "{told}");
+    }
+}
+
+/// Closed form: a hinge that a stiff controller holds at its target is at rest, with the longest steps, and the motion beside it is a damped
+/// oscillation of hundreds of rad/s: x″ = −(k x + d x′)/I.
+#[test]
+fn a_motion_at_rest_has_the_derivatives_of_the_fast_one_beside_it() {
+    let inertia = 0.1;
+    let arm = chain(&[Part::hinge("arm", "base", Y).weighing(1.0, [inertia; 3])]);
+    for (k, d, time) in [(2e4, 20.0, 0.1), (2e4, 20.0, 1.0), (2e3, 10.0, 0.25), (50.0, 40.0, 2.0)] {
+        let (kp, kd, target) = (Gains::Same(k), Gains::Same(d), vec![0.3]);
+        let drive = Drive::Pd(Pd { kp, kd, target });
+        let sim = Simulation { gravity: Vector3::zeros(), drive, ..Simulation::new(arm.clone(), Vec::new()) };
+        let found = sim.sensitivity(&[0.3], &[0.0], time, &[]).unwrap();
+        let (a, w) = (d / (2.0 * inertia), k / inertia - (d / (2.0 * inertia)).powi(2));
+        // cos and sin, or cosh and sinh, of √|w| t.
+        let root = w.abs().sqrt();
+        let (c, s) = if w > 0.0 {
+            ((root * time).cos(), (root * time).sin() / root)
+        } else {
+            ((root * time).cosh(), (root * time).sinh() / root)
+        };
+        let decay = (-a * time).exp();
+        let exact = [[c + a * s, s], [-k / inertia * s, c - a * s]].map(|row| row.map(|x| decay * x));
+        let by = found.last_by.unwrap();
+        for (i, row) in exact.iter().enumerate() {
+            for (j, exact) in row.iter().enumerate() {
+                // In units in which both coordinates of the oscillation have the same size.
+                let unit = [1.0, (k / inertia).sqrt()];
+                let error = (by[(i, j)] - exact).abs() * unit[j] / unit[i];
+                assert!(error < 1e-7, "k {k}, d {d}, {time} s, {i} {j}: {} for {exact}", by[(i, j)]);
+            }
+        }
     }
 }

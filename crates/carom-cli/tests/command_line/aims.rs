@@ -91,7 +91,10 @@ fn aims_that_are_not_reached_and_wrong_problems_name_file_key_and_rule() {
     let racket = racket.replace("../../scenes", "scenes");
     std::fs::write(desk.0.join("far.toml"), racket.replace("equals = 1.8", "equals = 18")).unwrap();
     std::fs::write(desk.0.join("typo.toml"), racket.replace("robot.q[3]", "robot.q[30]")).unwrap();
+    let twice = "[[unknown]]\nname = \"v\"\nfirst = 1\nset = { \"robot.q[3]\" = \"v\" }\n";
+    std::fs::write(desk.0.join("twice.toml"), format!("{racket}\n{twice}")).unwrap();
     for (args, told) in [
+        ("aim twice.toml", "both set robot.q[3]: remove one"),
         ("aim studies/aims/none.toml", "studies/aims/none.toml: cannot be read"),
         ("aim far.toml", "far.toml: not reached after"),
         ("aim typo.toml", "typo.toml: [[unknown]] robot.q[30]: "),

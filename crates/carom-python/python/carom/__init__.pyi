@@ -1120,7 +1120,7 @@ class Scene:
 
         Args:
             changes: values by the path of their key, such as {"run.gravity": [0, 0, -1.62], "contact.restitution": 0.8,
-                "surface[0].friction": 0.1, "robot.mass": {"hand": 0.9}}. A dict as value changes the keys that it has, and keeps the
+                "surface[0].contact.friction": 0.1, "robot.mass": {"hand": 0.9}}. A dict as value changes the keys that it has, and keeps the
                 others; None takes a key out; any other value replaces what is there.
 
         Laws and the controller in Python, start and duration of this scene are kept; where a key is changed, it counts.
@@ -1236,7 +1236,7 @@ class Scene:
             wrt: by what, in the order of the columns. "q" and "qd" are the whole start, "q elbow" a part of it; parameters are "restitution"
                 and "friction" of all contacts together, "kp elbow", "kd elbow", "target elbow" or "torque elbow" of each joint under PD
                 control or constant forces, and any number of the scene by the path of its key, as in `with_keys`: "contact.friction",
-                "run.gravity[2]", "surface[0].restitution". Rows of tables have numbers: "torque elbow 3", "reference elbow 3". A name stands
+                "run.gravity[2]", "surface[0].contact.restitution". Rows of tables have numbers: "torque elbow 3", "reference elbow 3". A name stands
                 for all that begin with it: "kp", "torque elbow". By default all but the keys.
 
         Raises:

@@ -62,7 +62,7 @@ pub struct Simulation {
     /// computed without friction if the bound on the resulting change of the contact point's velocity is below this share
     /// of that velocity. A chain is treated as
     /// planar if its joint axes deviate by less than this angle, rad. A compliant contact is treated as rigid if its
-    /// penetration stays below this share of the reach of the chain.
+    /// penetration stays below this share of the length of the scene.
     pub neglect: Option<f64>,
     /// A flag that another thread sets to end runs, sessions and derivatives of runs, with [`SimError::Stopped`].
     pub stop: Option<Arc<AtomicBool>>,

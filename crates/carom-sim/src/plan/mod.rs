@@ -321,7 +321,7 @@ impl Plan {
         }
         if let Some(share) = neglect.filter(|_| compliant) {
             let choice =
-                format!("treated as rigid at every impact with a penetration below {share} of the reach of the chain");
+                format!("treated as rigid at every impact with a penetration below {share} of the length of the scene");
             let of =
                 "largest penetration, m, at the start pose and velocity; the run reports the largest of all impacts";
             let depth = depth_at_start(&self.simulation, &self.q, &self.qd)?;

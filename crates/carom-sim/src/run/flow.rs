@@ -38,6 +38,11 @@ pub(crate) trait Flow {
     fn told(&mut self, t: f64, y: &[f64], motors: bool) -> Result<Told, SimError>;
     /// Closes the loops at a state between two steps.
     fn close(&mut self, y: &mut [f64]) -> Result<(), SimError>;
+    /// Into how many pieces a step of this length that ends at this state is divided for derivatives.
+    fn pieces(&mut self, y: &[f64], span: f64) -> Result<usize, SimError> {
+        let _ = (y, span);
+        Ok(1)
+    }
     /// Projects a state that drifted off its constraint back onto it; returns whether it changed the state.
     fn settle(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SimError>;
 }

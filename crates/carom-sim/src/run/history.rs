@@ -79,6 +79,11 @@ impl Class {
 pub(crate) const TAIL: f64 = 10.0;
 
 impl History {
+    /// Whether a contact carried a load in the last time step.
+    pub fn carried(&self, touch: usize) -> bool {
+        self.stepped.iter().any(|own| own.touch == touch && own.normal_force > 0.0)
+    }
+
     /// Counts an event; the time since the first of its class that counts, if there were so many.
     pub fn count(&mut self, class: Class, time: f64) -> Option<f64> {
         let (times, many) = (&mut self.times[class as usize], class.many());

@@ -179,7 +179,7 @@ impl<A: Space> Run<'_, '_, A> {
         let law = compliance.normal(one.contact.law.restitution())?;
         let mass = self.motion.effective_mass(touch, &q, self.time)?;
         let depth = law.greatest_penetration(speed, mass);
-        if sim.neglect.is_some_and(|share| depth <= share * self.motion.scale.reach) {
+        if sim.neglect.is_some_and(|share| depth <= share * self.motion.scale.length) {
             self.history.statistics.neglected_depth = self.history.statistics.neglected_depth.max(depth);
             return Ok(false);
         }

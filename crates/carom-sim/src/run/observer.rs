@@ -112,8 +112,13 @@ impl SolOut for Observer<'_, '_, '_> {
             };
             if let Some(path) = &mut sampler.path {
                 path.retain(|step| step.start < start); // a leg that failed is repeated
-                let states = Step::POINTS.map(|point| at(start + (until - start) * point)).to_vec();
-                path.push(Step { start, end: until, states });
+                let pieces = system.ask(|flow| flow.pieces(y, until - start)).max(1);
+                let knot =
+                    |k: usize| if k == pieces { until } else { start + (until - start) * k as f64 / pieces as f64 };
+                path.extend((0..pieces).map(|k| {
+                    let (start, end) = (knot(k), knot(k + 1));
+                    Step { start, end, states: Step::POINTS.map(|point| at(start + (end - start) * point)).to_vec() }
+                }));
             }
             let loads = sampler.sampling.loads;
             let told = |time: f64, y: &[f64]| system.ask(|flow| flow.told(time, y, loads));

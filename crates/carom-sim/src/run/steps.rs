@@ -140,9 +140,16 @@ impl<A: Space> Run<'_, '_, A> {
             _ => first.max(0.5 * *wait),
         };
         *wait = wait.min(WAIT * sim.contact_step);
+        let before = self.y.clone();
+        if sim.touches.iter().any(|touch| touch.closes_while.is_some()) {
+            // Contacts that last go on, although they may not close.
+            self.history.stepped = match self.motion.contact_states(self.time, &before) {
+                Err(SimError::Jam { .. }) => std::mem::take(&mut self.history.stepped),
+                states => states?,
+            };
+        }
         self.motion.active.stepping = true;
         self.motion.active.lasting.retain(|own| !own.is_rigid());
-        let before = self.y.clone();
         self.note(EventKind::Steps { reason }, &before);
         Ok(())
     }
@@ -155,13 +162,13 @@ impl<A: Space> Run<'_, '_, A> {
         let accepted = SHARE * sim.tolerance.sqrt();
         let shortest = self.shortest();
         let (time, y, lost, statistics) = (self.time, self.y.clone(), self.history.lost, self.history.statistics);
-        let pressing = self.motion.active.lasting.clone();
+        let active = self.motion.active.clone();
         loop {
             let step = length.min(longest);
             self.time_step(step)?;
             let whole = std::mem::replace(&mut self.y, y.clone());
             (self.time, self.history.lost, self.history.statistics) = (time, lost, statistics);
-            self.motion.active.lasting.clone_from(&pressing);
+            self.motion.active.clone_from(&active);
             let first = self.time_step(step / 2.0)?;
             let second = self.time_step(step / 2.0)?;
             let error = whole[..nq].iter().zip(&self.y).map(|(one, two)| (one - two).abs()).fold(0.0, f64::max);
@@ -180,7 +187,7 @@ impl<A: Space> Run<'_, '_, A> {
             }
             self.y.copy_from_slice(&y);
             (self.time, self.history.lost, self.history.statistics) = (time, lost, statistics);
-            self.motion.active.lasting.clone_from(&pressing);
+            self.motion.active.clone_from(&active);
         }
     }
 
@@ -194,8 +201,7 @@ impl<A: Space> Run<'_, '_, A> {
         let gravity = sim.gravity.norm().max(self.motion.scale.acceleration());
         // Within one step of fall, in position and velocity.
         let (depth, speed) = (4.0 * gravity * step.powi(2), 4.0 * gravity * step);
-        let loaded = |touch| self.history.stepped.iter().any(|own| own.touch == touch && own.normal_force > 0.0);
-        let loaded: Vec<bool> = (0..sim.touches.len()).map(loaded).collect();
+        let loaded: Vec<bool> = (0..sim.touches.len()).map(|touch| self.history.carried(touch)).collect();
         let (mut hits, mut closed) = (Vec::new(), Vec::new());
         for (touch, (gap, rate)) in self.gaps()? {
             let (rest, touching) = (self.motion.rest_of(touch), self.motion.scale.touching(touch));
@@ -335,7 +341,7 @@ impl<A: Space> Run<'_, '_, A> {
         let mut table = Constraints::new(nv);
         for k in near.near(&view, (&middle, &qd), middle_time, EQUAL * scale.length)? {
             let touch = &sim.touches[k];
-            if touch.is_compliant() {
+            if touch.is_compliant() || !(self.history.carried(k) || touch.may_close(&there, scale.pace)) {
                 continue;
             }
             for at in touch.points(&view, &middle, middle_time, scale.touching(k)) {
@@ -366,6 +372,13 @@ impl<A: Space> Run<'_, '_, A> {
             let open = outcome.flags.contains(Flags::NON_UNIQUE);
             self.history.statistics.non_unique_time += if open { step } else { 0.0 };
             // ½ (u⁻ + u⁺)·p, the work of the impulses on the robot: exact for the jump of q̇ at the mass matrix of the middle.
+            // Impacts are of contacts that approach and carried nothing in the step before.
+            for contact in &table.contacts {
+                let (touch, n) = (contact.own.touch, contact.rows.end - 1);
+                if outcome.impulse[n] > 0.0 && u[0][n] < -self.motion.rest_of(touch) && !self.history.carried(touch) {
+                    self.motion.active.count_impact(touch, sim);
+                }
+            }
             let mean = (&v + &next) * 0.5;
             let work: f64 =
                 outcome.impulse.iter().enumerate().map(|(i, p)| p * table.rows.dot(i, mean.as_slice())).sum();

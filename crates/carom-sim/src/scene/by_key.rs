@@ -7,6 +7,9 @@ use carom_chain::JointCoordinate;
 
 /// The share of a number by which it is changed to see what depends on it.
 const CHANGE: f64 = 1e-5;
+/// The keys of `[run]` that change how a motion is computed, or how much of it, but not the motion.
+const NO_PARAMETERS: [&str; 8] =
+    ["duration", "tolerance", "accuracy", "sample", "max_step", "zeno_time", "contact_step", "neglect"];
 
 impl Scene {
     /// The size of the number at the path of a key of the file (of zero the largest of its list, or 1), and the same scene with `change`
@@ -86,7 +89,7 @@ impl Scene {
         Self::read(&text, &self.folder, bodies).map_err(|e| in_file("<scene>".into(), e))
     }
 
-    /// The number at the path of a key of the file as a parameter: `contact.friction`, `robot.mass.hand`, `surface[0].restitution`.
+    /// The number at the path of a key of the file as a parameter: `contact.friction`, `robot.mass.hand`, `surface[0].contact.restitution`.
     ///
     /// ```
     /// # use carom_sim::Scene;
@@ -146,6 +149,15 @@ impl Scene {
         path: &str,
         with_number: impl Fn(&Self, &str, f64) -> Result<(f64, Self), SimError> + Send + Sync + 'static,
     ) -> Result<Parameter, SimError> {
+        if let Some(key) = path.strip_prefix("run.").filter(|key| NO_PARAMETERS.contains(key)) {
+            let why = format!(
+                "{key} is no parameter of the motion: its derivative by the time is the final velocity and acceleration"
+            );
+            return Err(of_key(
+                path,
+                if key == "duration" { &why } else { "it is a setting of the computation, no parameter of the motion" },
+            ));
+        }
         let (scale, same) = with_number(self, path, 0.0)?;
         let (_, beside) = with_number(self, path, CHANGE * scale)?;
         if (&same.q, &same.qd, same.duration) != (&beside.q, &beside.qd, beside.duration) {

@@ -1,6 +1,6 @@
 //! The keys of a scene file for serde; the book documents them (`book/src/reference-scene.md`).
 
-use super::keys::{Loading, Table};
+use super::keys::{Loading, Numbers, Table};
 use super::perturb::Distribution;
 use crate::contact::{RestitutionBySpeed, SeveralLaw};
 use crate::key_group;
@@ -57,10 +57,10 @@ impl File {
 key_group! {
     pub(crate) struct Force needs [link] {
         link: String,
-        point: [f64; 3],
+        point: Numbers<3>,
         axes: WrenchAxes,
-        force: Option<[f64; 3]>,
-        torque: Option<[f64; 3]>,
+        force: Option<Numbers<3>>,
+        torque: Option<Numbers<3>>,
         file: Option<PathBuf>,
     }
 
@@ -69,19 +69,19 @@ key_group! {
         joint: LoopJoint,
         first: LoopFrame,
         second: LoopFrame,
-        axis: Option<[f64; 3]>,
+        axis: Option<Numbers<3>>,
     }
 
     pub(crate) struct LoopFrame needs [] {
         link: Option<String>,
-        xyz: [f64; 3],
-        rpy: [f64; 3],
+        xyz: Numbers<3>,
+        rpy: Numbers<3>,
     }
 
     pub(crate) struct Place needs [name] {
         name: String,
-        position: Option<[f64; 3]>,
-        rpy: Option<[f64; 3]>,
+        position: Option<Numbers<3>>,
+        rpy: Option<Numbers<3>>,
     }
 
     pub(crate) struct Start needs [] {
@@ -95,40 +95,40 @@ key_group! {
     }
 
     pub(crate) struct TipVelocity needs [] {
-        velocity: Option<[f64; 3]>,
+        velocity: Option<Numbers<3>>,
         speed: Option<f64>,
         angle_deg: Option<f64>,
-        along: Option<[f64; 3]>,
+        along: Option<Numbers<3>>,
         motion: Tool,
     }
 
     pub(crate) struct Beam needs [link, from, to, bends, bending] {
         link: String,
-        from: [f64; 3],
-        to: [f64; 3],
+        from: Numbers<3>,
+        to: Numbers<3>,
         bends: usize,
         bending: Vec<Bending>,
         damping: f64,
     }
 
     pub(crate) struct Bending needs [axis, stiffness] {
-        axis: [f64; 3],
+        axis: Numbers<3>,
         stiffness: f64,
     }
 
     pub(crate) struct Motion needs [] {
-        amplitude: Option<[f64; 3]>,
+        amplitude: Option<Numbers<3>>,
         /// Hz.
         frequency: Option<f64>,
         phase: Option<f64>,
-        velocity: Option<[f64; 3]>,
+        velocity: Option<Numbers<3>>,
         file: Option<PathBuf>,
     }
 
     pub(crate) struct Belt needs [] {
-        velocity: Option<[f64; 3]>,
-        angular_velocity: Option<[f64; 3]>,
-        centre: [f64; 3],
+        velocity: Option<Numbers<3>>,
+        angular_velocity: Option<Numbers<3>>,
+        centre: Numbers<3>,
         file: Option<PathBuf>,
     }
 
@@ -181,7 +181,7 @@ key_group! {
         duration: f64,
         tolerance: Option<f64>,
         accuracy: Option<f64>,
-        gravity: [f64; 3] = [0.0, 0.0, -9.81],
+        gravity: Numbers<3> = Numbers([0.0, 0.0, -9.81]),
         sample: Option<f64>,
         max_step: Option<f64>,
         zeno_time: Option<f64>,
@@ -351,41 +351,41 @@ pub(crate) struct Surface {
 #[serde(deny_unknown_fields, rename_all = "lowercase")]
 pub(crate) enum Shape {
     Halfspace {
-        point: [f64; 3],
-        normal: [f64; 3],
+        point: Numbers<3>,
+        normal: Numbers<3>,
     },
     Box {
-        centre: [f64; 3],
-        size: [f64; 3],
+        centre: Numbers<3>,
+        size: Numbers<3>,
         #[serde(default)]
-        rpy: [f64; 3],
+        rpy: Numbers<3>,
     },
     Sphere {
-        centre: [f64; 3],
+        centre: Numbers<3>,
         radius: f64,
     },
     Cylinder {
-        centre: [f64; 3],
+        centre: Numbers<3>,
         radius: f64,
         length: f64,
         #[serde(default)]
-        rpy: [f64; 3],
+        rpy: Numbers<3>,
     },
     Capsule {
-        centre: [f64; 3],
+        centre: Numbers<3>,
         radius: f64,
         length: f64,
         #[serde(default)]
-        rpy: [f64; 3],
+        rpy: Numbers<3>,
     },
     Mesh {
         file: PathBuf,
         #[serde(default = "unscaled")]
-        scale: [f64; 3],
+        scale: Numbers<3>,
         #[serde(default)]
-        position: [f64; 3],
+        position: Numbers<3>,
         #[serde(default)]
-        rpy: [f64; 3],
+        rpy: Numbers<3>,
     },
 }
 
@@ -493,6 +493,6 @@ pub(crate) enum Model {
     Full,
 }
 
-fn unscaled() -> [f64; 3] {
-    [1.0; 3]
+fn unscaled() -> Numbers<3> {
+    Numbers([1.0; 3])
 }

@@ -1,6 +1,7 @@
 //! The forces from outside, `[[force]]`, and the loops of the mechanism, `[[loop]]`.
 
 use super::file;
+use super::keys::Numbers;
 use super::table::Columns;
 use crate::model::{Load, Loop, LoopFrame, LoopJoint, Wrench};
 use crate::state::Profile;
@@ -43,12 +44,12 @@ pub(crate) fn closure(chain: &Chain, k: usize, given: &file::Loop) -> Result<Loo
     let name = given.name.clone().unwrap_or_else(|| format!("loop {}", k + 1));
     let refuse = |why: String| format!("[[loop]] {}: {why}", k + 1);
     let joint = match (given.joint, given.axis) {
-        (file::LoopJoint::Pin, axis) => LoopJoint::Pin { axis: axis.unwrap_or([0.0, 0.0, 1.0]).into() },
+        (file::LoopJoint::Pin, axis) => LoopJoint::Pin { axis: axis.unwrap_or(Numbers([0.0, 0.0, 1.0])).into() },
         (_, Some(_)) => return Err(refuse("has an axis, which only joint = \"pin\" has: remove it".into())),
         (file::LoopJoint::Point, None) => LoopJoint::Point,
         (file::LoopJoint::Weld, None) => LoopJoint::Weld,
     };
-    let frame = |given: &file::LoopFrame| LoopFrame::new(given.link.as_deref(), given.xyz, given.rpy);
+    let frame = |given: &file::LoopFrame| LoopFrame::new(given.link.as_deref(), *given.xyz, *given.rpy);
     let own = Loop { name, joint, frames: [frame(&given.first), frame(&given.second)] };
     own.check(chain).map_err(|e| refuse(e.to_string()))?;
     Ok(own)

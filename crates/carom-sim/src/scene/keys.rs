@@ -163,7 +163,7 @@ key_group! {
         /// As in [`LoadOptions`].
         mass: BTreeMap<String, f64>,
         /// As in [`LoadOptions`].
-        inertia: BTreeMap<String, [f64; 6]>,
+        inertia: BTreeMap<String, Numbers<6>>,
     }
 }
 
@@ -185,9 +185,41 @@ impl Loading {
             package_dirs: self.package_dirs.iter().map(|dir| folder.join(dir)).collect(),
             rotor_inertia: self.rotor_inertia.clone(),
             mass: self.mass.clone(),
-            inertia: self.inertia.clone(),
+            inertia: self.inertia.iter().map(|(link, numbers)| (link.clone(), numbers.0)).collect(),
             ..LoadOptions::default()
         };
         Ok((folder.join(&self.urdf), options))
+    }
+}
+
+/// So many numbers: arrays would be read from longer lists, too.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Numbers<const N: usize>(pub [f64; N]);
+
+impl<const N: usize> Default for Numbers<N> {
+    fn default() -> Self {
+        Self([0.0; N])
+    }
+}
+
+impl<const N: usize> std::ops::Deref for Numbers<N> {
+    type Target = [f64; N];
+
+    fn deref(&self) -> &[f64; N] {
+        &self.0
+    }
+}
+
+impl From<Numbers<3>> for nalgebra::Vector3<f64> {
+    fn from(numbers: Numbers<3>) -> Self {
+        numbers.0.into()
+    }
+}
+
+impl<'de, const N: usize> serde::Deserialize<'de> for Numbers<N> {
+    fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let found = Vec::deserialize(from)?;
+        let refuse = |found: Vec<f64>| serde::de::Error::custom(format!("{} numbers, {N} are needed", found.len()));
+        found.try_into().map(Self).map_err(refuse)
     }
 }

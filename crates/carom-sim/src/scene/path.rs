@@ -1,4 +1,4 @@
-//! Paths of keys in files: `run.gravity`, `surface[0].restitution`, `run.gravity[2]`.
+//! Paths of keys in files: `run.gravity`, `surface[0].contact.restitution`, `run.gravity[2]`.
 
 use toml::{Table, Value};
 

@@ -143,14 +143,14 @@ fn full(robot: Option<&str>, own: &str) -> String {
 }
 
 fn pose(given: &Member) -> Isometry3<f64> {
-    let [roll, pitch, yaw] = given.place.rpy.unwrap_or_default();
+    let [roll, pitch, yaw] = *given.place.rpy.unwrap_or_default();
     let position = Translation3::from(Vector3::from(given.place.position.unwrap_or_default()));
     Isometry3::from_parts(position, UnitQuaternion::from_euler_angles(roll, pitch, yaw))
 }
 
 /// Configuration of a robot at the start.
 fn start(chain: &Chain, given: &Member) -> Result<Vec<f64>, String> {
-    let numbers = [given.place.position, given.place.rpy].into_iter().flatten().flatten();
+    let numbers = [given.place.position, given.place.rpy].into_iter().flatten().flat_map(|it| *it);
     if let Some(x) = numbers.into_iter().find(|x| !x.is_finite()) {
         return Err(format!("position and rpy have the number {x}: every number must be finite"));
     }
@@ -362,7 +362,7 @@ fn tip_velocity(
     let say = |e: ChainError| format!("tip_velocity: {e}");
     let velocity = match (tip.velocity, tip.speed, tip.angle_deg, tip.along) {
         (Some(velocity), None, None, None) => Vector3::from(velocity),
-        (None, Some(speed), Some(angle), Some(along)) => towards((speed, angle, along), surface)?,
+        (None, Some(speed), Some(angle), Some(along)) => towards((speed, angle, *along), surface)?,
         _ => return Err("tip_velocity needs velocity, or speed, angle_deg and along: give one of both".into()),
     };
     let point = FramePoint::from(chain.frame(link).map_err(say)?);

@@ -42,13 +42,15 @@ pub(crate) fn surface(
     };
     let obstacle = match &surface.shape {
         Shape::Halfspace { point, normal } => Obstacle::half_space((*point).into(), (*normal).into()),
-        Shape::Box { centre, size, rpy } => Obstacle::cuboid(placed(*centre, *rpy), (*size).into()),
+        Shape::Box { centre, size, rpy } => Obstacle::cuboid(placed(**centre, **rpy), (*size).into()),
         Shape::Sphere { centre, radius } => Obstacle::sphere((*centre).into(), *radius),
-        Shape::Cylinder { centre, radius, length, rpy } => Obstacle::cylinder(placed(*centre, *rpy), *radius, *length),
-        Shape::Capsule { centre, radius, length, rpy } => Obstacle::capsule(placed(*centre, *rpy), *radius, *length),
+        Shape::Cylinder { centre, radius, length, rpy } => {
+            Obstacle::cylinder(placed(**centre, **rpy), *radius, *length)
+        }
+        Shape::Capsule { centre, radius, length, rpy } => Obstacle::capsule(placed(**centre, **rpy), *radius, *length),
         Shape::Mesh { file, scale, position, rpy } => {
             let file = places.mesh(file).map_err(|e| format!("[[surface]] '{name}': {e}"))?;
-            Obstacle::mesh_file(&file, (*scale).into(), placed(*position, *rpy))
+            Obstacle::mesh_file(&file, (*scale).into(), placed(**position, **rpy))
         }
     };
     let obstacle = obstacle.map_err(|e| format!("[[surface]] '{name}': {e}"))?;
@@ -102,8 +104,8 @@ fn motion(places: Places, given: &file::Motion) -> Result<SurfaceMotion, String>
             Ok(Oscillation { amplitude: amplitude.into(), frequency, phase }.into())
         }
         (Some(velocity), None) if !harmonic => {
-            finite(velocity)?;
-            Ok(SurfaceMotion::Translation(Profile::constant(*velocity)))
+            finite(&**velocity)?;
+            Ok(SurfaceMotion::Translation(Profile::constant(**velocity)))
         }
         (None, Some(file)) if !harmonic => Ok(SurfaceMotion::Translation(table(places, file, ["vx", "vy", "vz"])?)),
         _ => Err("motion is either amplitude, frequency and phase, or velocity, or file: give one of them".into()),

@@ -149,6 +149,13 @@ impl Problem {
         if let Some(k) = (0..unknowns.len()).find(|k| unknowns[..*k].iter().any(|it| it.name == unknowns[*k].name)) {
             return Err(refuse(format!("[[unknown]] {} occurs twice: remove one", unknowns[k].name)));
         }
+        let numbers: Vec<(&str, &str)> =
+            unknowns.iter().flat_map(|own| own.numbers().map(|number| (number, own.name.as_str()))).collect();
+        let twin = |k: &usize| numbers[..*k].iter().find(|it| it.0 == numbers[*k].0);
+        if let Some((number, first, k)) = (0..numbers.len()).find_map(|k| twin(&k).map(|it| (it.0, it.1, k))) {
+            let rule = format!("[[unknown]] {first} and {} both set {number}: remove one", numbers[k].1);
+            return Err(refuse(rule));
+        }
         let torque =
             file.torque.as_ref().map(|keys| keys.read(&scene).map_err(|why| refuse(format!("[torque] {why}"))));
         let torque = torque.transpose()?;

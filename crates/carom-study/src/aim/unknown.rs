@@ -51,6 +51,13 @@ pub(super) enum FirstState {
     Curved,
 }
 
+impl Own {
+    /// The paths of the numbers of the file that it sets.
+    pub fn numbers(&self) -> impl Iterator<Item = &str> {
+        self.path.as_deref().into_iter().chain(self.set.iter().map(|(path, _)| path.as_str()))
+    }
+}
+
 impl Given {
     /// The unknowns at the start of the search.
     pub fn first(&self) -> Vec<f64> {
