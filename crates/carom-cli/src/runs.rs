@@ -2,7 +2,7 @@
 
 use crate::error::CliError;
 use crate::files;
-use crate::output::{answer, brief, progress, short};
+use crate::output::{answer, brief, progress, say, short};
 use crate::rows::RowOptions;
 use carom_sim::{Plan, Scene, SimError};
 use carom_study::{Covariance, Ensemble, PredictedTime, Runs, Spread};
@@ -78,12 +78,10 @@ pub fn run((file, scene, plan): (&Path, &Scene, &Plan), asked: &Asked, out: &mut
     let report = Report { resumed: there - spread.runs, runs: spread, covariance };
     let written = answer(out, &report, json, for_people);
     written.map_err(|refused| CliError::refused(file, refused))?;
-    match &report.runs.first_refusal {
-        Some(why) if report.runs.impacts.is_none() => {
-            Err(CliError::Scene(format!("{}: all runs are refused; {why}", file.display())))
-        }
-        _ => ended,
+    if let (Some(why), None) = (&report.runs.first_refusal, &report.runs.impacts) {
+        say(&format!("warning: {}: all runs are refused; {why}", file.display()));
     }
+    ended
 }
 
 fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {

@@ -161,7 +161,9 @@ fn runs_that_are_refused_are_counted() {
     assert!(report["first_refusal"].as_str().unwrap().contains("overlaps by"), "{report}");
     // A table has the rows of runs that are all refused, also of a part; without one there is no answer.
     desk.write("s.toml", format!("{}perturb = {{ qd = 0.1 }}\n", near.replace("[0.637,", "[0.6,")));
-    let report = desk.one("simulate s.toml --runs 60 --shard 2/2 --out t.csv --json");
+    let ran = desk.run("simulate s.toml --runs 60 --shard 2/2 --out t.csv --json");
+    assert!(ran.code == Some(0) && ran.err.starts_with("warning: s.toml: all runs are refused; run 30: "), "{ran:?}");
+    let report: serde_json::Value = serde_json::from_str(&ran.out).unwrap();
     assert_eq!((report["runs"].as_u64(), report["refused"].as_u64()), (Some(30), Some(30)));
     assert!(desk.run("simulate s.toml --runs 60").err.contains("all runs are refused; run 0: "));
 }
