@@ -47,7 +47,7 @@ fn a_walker_with_knees_has_the_orbit_of_its_own_equations() {
         (qd[1], 0.304827260769175),
         (qd[2], 1.112202388642851),
         (qd[4], -0.962724768551528),
-        (qd[5], 7.961587479002110),
+        (qd[5], 7.961_587_479_002_11),
     ];
     for (found, expected) in states {
         close("state", found, expected, 2e-11);

@@ -1240,7 +1240,8 @@ class Scene:
                 for all that begin with it: "kp", "torque elbow". By default all but the keys.
 
         Raises:
-            ValueError: a name that the scene does not have; a key that is no number, or that changes the start or the duration.
+            ValueError: a name that the scene does not have; a key that is no number, or that changes the start or the duration; a controller
+                with a rate.
             SimulationError: as `simulate`; a key that changes the joints or the possible contacts. A run that is not differentiable is no
                 error: see `Sensitivity.broken`.
         """
@@ -1781,8 +1782,8 @@ def orbit(
         end (why the branch ends, in a word and in a sentence), and with ``doubled`` doubled (a list of such dicts).
 
     Raises:
-        StudyError: a problem that cannot be read; a motion that does not return to the section; no orbit near the start; a branch without
-            a flip.
+        StudyError: a problem that cannot be read; a motion that does not return to the section; no orbit near the start. A branch without
+            a flip, at which doubled ones begin, is a warning.
         SimulationError: an invalid scene, or a run that fails.
     """
 def cycles(
