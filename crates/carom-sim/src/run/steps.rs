@@ -141,13 +141,6 @@ impl<A: Space> Run<'_, '_, A> {
         };
         *wait = wait.min(WAIT * sim.contact_step);
         let before = self.y.clone();
-        if sim.touches.iter().any(|touch| touch.closes_while.is_some()) {
-            // Contacts that last go on, although they may not close.
-            self.history.stepped = match self.motion.contact_states(self.time, &before) {
-                Err(SimError::Jam { .. }) => std::mem::take(&mut self.history.stepped),
-                states => states?,
-            };
-        }
         self.motion.active.stepping = true;
         self.motion.active.lasting.retain(|own| !own.is_rigid());
         self.note(EventKind::Steps { reason }, &before);
@@ -341,7 +334,7 @@ impl<A: Space> Run<'_, '_, A> {
         let mut table = Constraints::new(nv);
         for k in near.near(&view, (&middle, &qd), middle_time, EQUAL * scale.length)? {
             let touch = &sim.touches[k];
-            if touch.is_compliant() || !(self.history.carried(k) || touch.may_close(&there, scale.pace)) {
+            if touch.is_compliant() {
                 continue;
             }
             for at in touch.points(&view, &middle, middle_time, scale.touching(k)) {
