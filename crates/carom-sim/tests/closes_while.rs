@@ -143,3 +143,13 @@ fn time_steps_switch_the_controller_after_an_impact() {
     assert!((rise(false) - exact).abs() < 1e-8, "{}", rise(false));
     assert!((rise(true) - exact).abs() < 0.01, "{}", rise(true));
 }
+
+/// A scene that has friction and chooses no law is told that an impact of one contact has none; one that chooses this law is not.
+#[test]
+fn friction_under_the_law_by_default_is_told() {
+    let told = |contact: &str| {
+        let warnings = scene("", [0.1, 0.2, 0.0], contact).unwrap().warnings;
+        warnings.iter().filter(|it| it.contains("by default: ball on floor has friction 0.3")).count()
+    };
+    assert_eq!(["friction = 0.3", "law = \"frictionless\"\nfriction = 0.3", "restitution = 0.3"].map(told), [1, 0, 0]);
+}

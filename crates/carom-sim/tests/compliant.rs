@@ -332,3 +332,17 @@ fn walton_braun_contacts_remember_every_deeper_turn() {
     assert!((q + d).abs() < 1e-5 * size, "{q} for {}", -d);
     assert!((w + v).abs() < 1e-5 * fast, "{w} for {}", -v);
 }
+
+/// The depth that may be neglected is a share of the length of the scene: a single body has one, although its reach is zero.
+#[test]
+fn the_compliance_of_a_single_body_can_be_neglected() {
+    let depth = |neglect: &str| {
+        let soft = format!("[contact.compliance]\nstiffness = 1e11\n[run]\n{neglect}\n");
+        let plan = carom_testing::scenes::changed("bounce", &[("[run]\n", &soft)]).plan().unwrap();
+        plan.run(0.6).unwrap().summary.statistics.neglected_depth
+    };
+    assert_eq!(depth(""), 0.0);
+    let neglected = depth("neglect = 0.01");
+    // A hundredth of the radius of 0.05 m.
+    assert!(neglected > 0.0 && neglected <= 5e-4, "{neglected}");
+}

@@ -14,6 +14,11 @@ fn of_atlas(name: &str, part: &str, by: &str) -> Problem {
     Problem::from_toml(&text.replace(part, by), file.parent().unwrap()).unwrap()
 }
 
+/// Numbers and what they should be.
+fn each(what: &str, pairs: &[(f64, f64)], tolerance: f64) {
+    pairs.iter().for_each(|(found, expected)| close(what, *found, *expected, tolerance));
+}
+
 /// Closed form (Housner 1963): an impact of a block whose diagonal is inclined by α multiplies its rate by 1 − 3/2 sin²α, and the area
 /// of phase space by the square of that. Between impacts a foot that sticks keeps the area, so that the two multipliers of an orbit of
 /// two impacts, a complex pair, have this size, whatever the motion of the table.
@@ -49,9 +54,7 @@ fn a_walker_with_knees_has_the_orbit_of_its_own_equations() {
         (qd[4], -0.962724768551528),
         (qd[5], 7.961_587_479_002_11),
     ];
-    for (found, expected) in states {
-        close("state", found, expected, 2e-11);
-    }
+    each("state", &states, 2e-11);
     for (found, expected) in orbit.multipliers.iter().zip([-0.573893931270, 0.325293476144, -0.047601723848]) {
         close("multiplier", found.re, expected, 5e-8);
     }
@@ -104,9 +107,7 @@ fn a_biped_under_feedback_has_the_orbit_of_its_own_equations() {
         (qd[3], 1.110140658185),
         (qd[4], 0.388525199103),
     ];
-    for (found, expected) in states {
-        close("state", found, expected, 1e-10);
-    }
+    each("state", &states, 1e-10);
     let multipliers = [0.586548636, -0.291287107, 0.0136190946, -0.00682347683, 2.48026e-5];
     for (found, expected) in orbit.multipliers.iter().zip(multipliers) {
         close("multiplier", found.re, expected, 2e-8);
@@ -118,7 +119,6 @@ fn a_biped_under_feedback_has_the_orbit_of_its_own_equations() {
     close("multiplier on 4 degrees", last.multipliers[0].re, 0.499328, 1e-6);
     // A second route: steps.
     let start = carom_study::orbit::State { q: q.clone(), qd: qd.iter().map(|rate| 1.02 * rate).collect() };
-    let start = carom_study::orbit::State { qd: start.qd, q: start.q };
     let end = problem.cycle(0.0, start).unwrap().nth(50).unwrap().unwrap();
     for (found, expected) in end.qd.iter().zip(qd) {
         close("rate after 50 steps", *found, *expected, 1e-9);
@@ -146,15 +146,14 @@ fn a_juggling_arm_has_the_orbit_of_its_own_equations() {
     assert!(orbit.events.iter().any(|event| (event.time - 0.314356088715).abs() < 1e-9));
 }
 
-/// Closed form: under a table that shakes gently a ball without loss needs no motion of it, and one that loses all rests. At a coefficient of
-/// restitution of 1 and at a friction of 0 no differences can be taken beyond the end of the range.
+/// Closed form: the product of the multipliers of a ball on a shaken table is e². At a coefficient of restitution of 1, and at a friction of 0,
+/// no differences can be taken beyond the end of the range.
 #[test]
 fn branches_reach_the_ends_of_admissible_ranges() {
     let text = "scene = \"ball_scene.toml\"\nsection.period = 0.1\nwith = { \"surface[0].motion.amplitude[2]\" = 0.0015 }\n\
                 [vary]\nparameter = \"contact.restitution\"\nfrom = 0.7\nto = 1\n";
     let branch = Problem::from_toml(text, path("studies/atlas")).unwrap().branch().unwrap();
     assert_eq!((branch.ended, branch.points.last().unwrap().parameter), ("range", 1.0), "{}", branch.end);
-    // The product of the multipliers is e², at any restitution.
     for point in &branch.points {
         let product: f64 = point.orbit.multipliers.iter().map(|x| x.norm()).product();
         close("product", product, point.parameter.powi(2), 1e-7);

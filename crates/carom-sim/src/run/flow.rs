@@ -39,8 +39,7 @@ pub(crate) trait Flow {
     /// Closes the loops at a state between two steps.
     fn close(&mut self, y: &mut [f64]) -> Result<(), SimError>;
     /// Into how many pieces a step of this length that ends at this state is divided for derivatives.
-    fn pieces(&mut self, y: &[f64], span: f64) -> Result<usize, SimError> {
-        let _ = (y, span);
+    fn pieces(&mut self, _: &[f64], _: f64) -> Result<usize, SimError> {
         Ok(1)
     }
     /// Projects a state that drifted off its constraint back onto it; returns whether it changed the state.

@@ -52,15 +52,20 @@ pub(crate) fn overridden(rule: &ContactRule, own: &ContactKeys) -> Result<Contac
     Ok(ContactRule { law, latch: own.latch.unwrap_or(rule.latch), compliance, relative_stiffness })
 }
 
-/// A warning if the scene gives `tangential_restitution` and no contact has a law that uses it.
-pub(crate) fn unused(
+/// The warnings about keys of contacts that act on fewer impacts than one would think.
+pub(crate) fn warnings(
     Table((whole, contact)): &Table<(ContactKeys, Contact)>,
     surfaces: &[file::Surface],
     touches: &[Touch],
-) -> Option<String> {
+) -> impl Iterator<Item = String> {
     let own = surfaces.iter().map(|surface| &surface.contact);
-    let all = own.chain(contact.pair.iter().map(|Table((_, pair))| pair)).chain([whole]);
-    let given = all.filter_map(|keys| keys.tangential_restitution).any(|value| value != 0.0);
+    let all: Vec<&ContactKeys> = own.chain(contact.pair.iter().map(|Table((_, pair))| pair)).chain([whole]).collect();
+    unused(&all, touches).into_iter().chain(frictionless_by_default(&all, touches))
+}
+
+/// A warning if the scene gives `tangential_restitution` and no contact has a law that uses it.
+fn unused(all: &[&ContactKeys], touches: &[Touch]) -> Option<String> {
+    let given = all.iter().filter_map(|keys| keys.tangential_restitution).any(|value| value != 0.0);
     let uses = |law: &str| LawInfo::named(law).is_some_and(|law| law.has("tangential_restitution"));
     let used = touches.iter().any(|touch| uses(touch.contact.law.name()));
     (given && !used).then(|| {
@@ -69,14 +74,8 @@ pub(crate) fn unused(
 }
 
 /// A warning if rigid contacts have friction and the frictionless law, and the scene chooses no law.
-pub(crate) fn frictionless_by_default(
-    Table((whole, contact)): &Table<(ContactKeys, Contact)>,
-    surfaces: &[file::Surface],
-    touches: &[Touch],
-) -> Option<String> {
-    let own = surfaces.iter().map(|surface| &surface.contact);
-    let mut all = own.chain(contact.pair.iter().map(|Table((_, pair))| pair)).chain([whole]);
-    let chosen = all.any(|keys| keys.law.is_some());
+fn frictionless_by_default(all: &[&ContactKeys], touches: &[Touch]) -> Option<String> {
+    let chosen = all.iter().any(|keys| keys.law.is_some());
     let slips = |touch: &&Touch| {
         let rule = &touch.contact;
         rule.compliance.is_none() && rule.law.name() == LAW_NAMES[0] && rule.law.friction() > 0.0

@@ -29,7 +29,7 @@ use crate::state::{EQUAL, View};
 use carom_chain::Spatial;
 use carom_chain::input;
 use carom_contact::LeftOut;
-use contact::{apply, between_links, frictionless_by_default, overridden, several, unused};
+use contact::{apply, between_links, overridden, several};
 use drive::{per_joint, targets_outside};
 use file::{File, Method, Model, Shape};
 use force::{closure, wrench};
@@ -173,8 +173,7 @@ impl Scene {
                 "closes_while of {name}: method = \"steps\" follows no conditions: leave one of them out"
             )));
         }
-        warnings.extend(unused(&file.contact, &file.surface, &touches));
-        warnings.extend(frictionless_by_default(&file.contact, &file.surface, &touches));
+        warnings.extend(contact::warnings(&file.contact, &file.surface, &touches));
         let (drive, after_impact) = robots.drives(folder, control, &surfaces, &qd).map_err(refuse)?;
         let own = file.spring.iter().enumerate().map(|(k, it)| (format!("[[spring]] {}", k + 1), it));
         let springs = own.chain(robots.springs().map(|it| ("[[robot.beam]]".to_owned(), it)));

@@ -303,11 +303,7 @@ impl Problem {
             let look = self.look(&plan, x, parameter.as_ref())?;
             let done = difference(&plan.simulation.chain, &here.look.x, &look.x)?;
             if look.size <= self.converged() {
-                let beside = unknown.iter().map(|k| (done[*k] - step * here.direction[*k]).powi(2)).sum::<f64>();
-                let distance = beside.sqrt().hypot((value - here.value) / range - step * here.direction[n]);
-                if distance > LONGEST {
-                    return Err(OrbitError::Apart { distance });
-                }
+                self.check_distance(here, &done, (value - here.value) / range, step)?;
                 return Ok((self.place(vary, (value, plan), look, &here.direction), iteration));
             }
             if look.size > 10.0 * last {
@@ -339,9 +335,18 @@ impl Problem {
         let along = here.direction.rows(0, n) * step;
         let near = self.moved(&here.plan, &here.look, &along).ok()?;
         let (look, iterations) = self.find_at_end(&plan, near, vary.to).ok()?;
-        let moved = difference(&plan.simulation.chain, &here.look.x, &look.x).ok()? - along;
-        let beside = self.unknown(n).iter().map(|k| moved[*k].powi(2)).sum::<f64>().sqrt();
-        (beside <= LONGEST).then(|| (self.place(vary, (vary.to, plan), look, &here.direction), iterations))
+        let done = difference(&plan.simulation.chain, &here.look.x, &look.x).ok()?;
+        self.check_distance(here, &done, (vary.to - here.value) / (vary.to - vary.from), step).ok()?;
+        Some((self.place(vary, (vary.to, plan), look, &here.direction), iterations))
+    }
+
+    /// Refuses an orbit that is farther than the longest step from where the branch leads by a length `step`; `done`, `share`: the change of
+    /// the state and of the parameter to it.
+    fn check_distance(&self, here: &Place, done: &DVector<f64>, share: f64, step: f64) -> Result<(), OrbitError> {
+        let n = here.look.r.len();
+        let beside = self.unknown(n).iter().map(|k| (done[*k] - step * here.direction[*k]).powi(2)).sum::<f64>();
+        let distance = beside.sqrt().hypot(share - step * here.direction[n]);
+        if distance > LONGEST { Err(OrbitError::Apart { distance }) } else { Ok(()) }
     }
 
     /// The special points between two points.
