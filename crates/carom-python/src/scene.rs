@@ -13,7 +13,7 @@ use carom_sim::{Plan, Regulator, SimError, ToAccuracy};
 use carom_study::tracked;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyMapping};
+use pyo3::types::PyDict;
 use pythonize::pythonize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -66,29 +66,6 @@ impl Functions {
             Some(rate) => Err(PyValueError::new_err(format!(
                 "{what}: the controller of the scene has a rate, {rate} Hz, and what it does between its samples follows from no tolerance \
                  and has no derivatives: give it without a rate"
-            ))),
-            None => Ok(()),
-        }
-    }
-
-    /// Refuses changes of keys that a law or a controller given after reading would make ineffective.
-    fn refuse_hidden(&self, changes: &[String]) -> PyResult<()> {
-        let coefficients = ["law", "restitution", "friction", "tangential_restitution"];
-        let of_law = |path: &&String| {
-            path.contains("contact")
-                && (path.ends_with("contact") || coefficients.iter().any(|key| path.ends_with(key)))
-        };
-        let of_controller = |path: &&String| {
-            let key = path.rsplit('.').next().unwrap_or(path);
-            let key = key.split('[').next().unwrap_or(key);
-            path.starts_with("run.")
-                && ["controller", "torque", "kp", "kd", "target", "reference", "gain"].contains(&key)
-        };
-        let law = if self.laws.is_empty() { None } else { changes.iter().find(of_law).map(|key| (key, "with_law")) };
-        let drive = self.controller.as_ref().and_then(|_| changes.iter().find(of_controller));
-        match law.or(drive.map(|key| (key, "with_controller"))) {
-            Some((key, method)) => Err(PyValueError::new_err(format!(
-                "{key}: what {method} gave to the scene acts in place of it: change the keys first, then call {method}"
             ))),
             None => Ok(()),
         }
@@ -200,8 +177,35 @@ impl Scene {
         let mut keys = self.keys()?;
         let size = add(&mut keys, path, change).map_err(PyValueError::new_err)?;
         let text = written(&keys)?;
-        let changed = Self::of_keys(py, &text, self.sources.folder.clone())?.with_functions(py, &self.functions)?;
-        Ok((size, changed))
+        Ok((size, self.with_text(py, &text)?))
+    }
+
+    /// The scene of other keys, with the laws and the controller of this one. A change of the keys that these make ineffective is refused.
+    fn with_text(&self, py: Python<'_>, text: &str) -> PyResult<Self> {
+        let of_keys = |text: &str| Self::of_keys(py, text, self.sources.folder.clone());
+        let keyed = of_keys(text)?;
+        if self.functions.is_empty() {
+            return Ok(keyed);
+        }
+        let (before, after) = (of_keys(&written(&self.keys()?)?)?, keyed.again().with_functions(py, &self.functions)?);
+        let [was, is, acts] = [&before, &keyed, &after].map(|it| &it.scene.simulation);
+        let laws = was.touches.iter().zip(&is.touches).zip(&acts.touches);
+        let mut hidden = laws.filter(|((was, is), acts)| {
+            was.name == is.name && was.contact.law != is.contact.law && acts.contact.law != is.contact.law
+        });
+        let refused = |what: &str, method: &str| {
+            Err(PyValueError::new_err(format!(
+                "the changed keys give {what}, and what {method} gave to the scene acts in place of it: change the keys first, then call \
+                 {method}"
+            )))
+        };
+        if let Some(((_, is), _)) = hidden.next() {
+            return refused(&format!("{} another law", is.name), "with_law");
+        }
+        if self.functions.controller.is_some() && was.drive != is.drive {
+            return refused("another controller", "with_controller");
+        }
+        Ok(after)
     }
 
     /// The keys, with the start and the duration that were given after reading.
@@ -350,18 +354,16 @@ impl Scene {
     ///         "surface[0].contact.friction": 0.1, "robot.mass": {"hand": 0.9}}. A dict as value changes the keys that it has, and keeps the
     ///         others; None takes a key out; any other value replaces what is there.
     ///
-    /// Laws and the controller in Python, start and duration of this scene are kept; where a key is changed, it counts.
+    /// Laws and the controller in Python, start and duration of this scene are kept; where a key is changed, it counts, and one that would not
+    /// is an error.
     ///
     /// Raises:
     ///     SimulationError, UrdfError, StateError: as `from_dict`, with the path of the key.
-    ///     ValueError: a path that leads nowhere; a start of several robots that is in no key.
+    ///     ValueError: a path that leads nowhere; a start of several robots that is in no key; keys of a law or a controller that was given in
+    ///         their place.
     fn with_keys(&self, py: Python<'_>, changes: Given) -> PyResult<Self> {
-        if let Ok(mapping) = changes.cast::<PyMapping>() {
-            self.functions
-                .refuse_hidden(&mapping.keys()?.iter().filter_map(|key| key.extract().ok()).collect::<Vec<_>>())?;
-        }
         let text = changed_text(self.keys()?, changes)?;
-        Self::of_keys(py, &text, self.sources.folder.clone())?.with_functions(py, &self.functions)
+        self.with_text(py, &text)
     }
 
     /// The same scene from another start.

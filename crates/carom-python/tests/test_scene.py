@@ -669,10 +669,13 @@ def test_a_scene_with_an_accuracy_chooses_its_tolerance():
 def test_wishes_that_have_no_effect_are_refused():
     scene = carom.Scene.from_file(ROOT / "scenes/planar2.toml")
     law = scene.with_law(carom.Newton(0.5))
-    with pytest.raises(ValueError, match="contact.restitution: what with_law gave to the scene acts in place of it"):
+    with pytest.raises(ValueError, match="tip on wall another law, and what with_law gave to the scene acts in place of it"):
         law.with_keys({"contact.restitution": 0.9})
+    with pytest.raises(ValueError, match="what with_law gave"):
+        law.sensitivity(["contact.restitution"])
+    assert law.with_keys({"run.duration": 0.2}).duration == 0.2
     own = scene.with_controller(lambda t, q, qd: -qd)
-    with pytest.raises(ValueError, match="run.controller: what with_controller gave"):
+    with pytest.raises(ValueError, match="another controller, and what with_controller gave"):
         own.with_keys({"run.controller": "constant", "run.torque": [1, 1]})
     assert own.with_keys({"run.gravity": [0, 0, 0]}).duration == scene.duration
     rated = scene.with_controller(lambda t, q, qd: -qd, rate=50)
