@@ -1123,11 +1123,13 @@ class Scene:
                 "surface[0].contact.friction": 0.1, "robot.mass": {"hand": 0.9}}. A dict as value changes the keys that it has, and keeps the
                 others; None takes a key out; any other value replaces what is there.
 
-        Laws and the controller in Python, start and duration of this scene are kept; where a key is changed, it counts.
+        Laws and the controller in Python, start and duration of this scene are kept; where a key is changed, it counts, and one that would not
+        is an error.
 
         Raises:
             SimulationError, UrdfError, StateError: as `from_dict`, with the path of the key.
-            ValueError: a path that leads nowhere; a start of several robots that is in no key.
+            ValueError: a path that leads nowhere; a start of several robots that is in no key; keys of a law or a controller that was given in
+                their place.
         """
     def with_duration(self, duration: float) -> Scene:
         """The same scene with another duration, s."""
