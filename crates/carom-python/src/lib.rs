@@ -39,6 +39,7 @@ mod array;
 mod batch;
 mod callable;
 mod chain;
+mod contact_problem;
 mod controller;
 mod diagram;
 mod dynamics;
@@ -76,6 +77,8 @@ mod _carom {
     use crate::aim::aim;
     #[pymodule_export]
     use crate::chain::{Chain, find_package};
+    #[pymodule_export]
+    use crate::contact_problem::{ContactProblem, ContactSolution};
     #[pymodule_export]
     use crate::diagram::diagram;
     #[pymodule_export]

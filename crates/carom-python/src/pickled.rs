@@ -2,6 +2,7 @@
 
 use crate::array::Array;
 use crate::chain::{Chain, Origin, Urdf};
+use crate::contact_problem::{ContactProblem, ContactSolution};
 use crate::error::raise;
 use crate::fit::FitResult;
 use crate::impact::Impact;
@@ -91,5 +92,6 @@ macro_rules! classes {
 }
 
 classes! {
-    Chain FitResult Impact Impacts Outcome PythonLaw Run RunEvent Scene RunSensitivity SeveralPoints Study Table
+    Chain ContactProblem ContactSolution FitResult Impact Impacts Outcome PythonLaw Run RunEvent Scene RunSensitivity SeveralPoints Study
+    Table
 }

@@ -56,6 +56,33 @@ impl SeveralImpact {
     }
 }
 
+/// The law of several contacts with this name.
+///
+/// # Errors
+/// `ImpactError` for an unknown one, and for an exponent or stiffnesses that it does not use.
+pub fn several_law(name: &str, exponent: Option<f64>, stiffnesses: bool) -> PyResult<SeveralLaw> {
+    let law = SeveralLaw::ALL.into_iter().find(|law| law.name() == name);
+    match law {
+        Some(SeveralLaw::Energetic { exponent: own }) => {
+            Ok(SeveralLaw::Energetic { exponent: exponent.unwrap_or(own) })
+        }
+        Some(law) => {
+            match [("exponent", exponent.is_some()), ("relative_stiffness", stiffnesses)].iter().find(|it| it.1) {
+                Some((what, _)) => {
+                    let why = format!("{what} has no effect under the law '{name}': only 'energetic' uses it");
+                    Err(exceptions::ImpactError::new_err(why))
+                }
+                None => Ok(law),
+            }
+        }
+        None => {
+            let names = SeveralLaw::ALL.map(SeveralLaw::name).join(", ");
+            let why = format!("law is '{name}': the laws of several points are {names}");
+            Err(exceptions::ImpactError::new_err(why))
+        }
+    }
+}
+
 #[pymethods]
 impl Chain {
     /// The impact of several points of the robot at the same moment, as one problem: a toe line, a face, two feet.
@@ -73,7 +100,8 @@ impl Chain {
     ///         used.
     ///     joints: as for impact.
     ///     relative_stiffness: under "energetic" the stiffnesses of the points relative to one another, shape (K,); None: all equal.
-    ///     exponent: under "energetic" that of the normal force over the penetration: 1 for flat contacts, 1.5 for round bodies.
+    ///     exponent: under "energetic" that of the normal force over the penetration: 1 for flat contacts, 1.5 for round bodies, which is
+    ///         the default.
     ///
     /// Returns:
     ///     A SeveralImpact.
@@ -82,7 +110,7 @@ impl Chain {
     ///     StateError: a wrong shape, or numbers that are not finite.
     ///     ImpactError: no points, a fixed point, a singular direction, a coefficient out of its range; or no impulses were found that
     ///         satisfy the law, not even without restitution.
-    #[pyo3(signature = (q, qd, points, normal, *, restitution=0.0, friction=0.0, law="moreau", sticks=false, joints=None, relative_stiffness=None, exponent=1.5))]
+    #[pyo3(signature = (q, qd, points, normal, *, restitution=None, friction=None, law="moreau", sticks=false, joints=None, relative_stiffness=None, exponent=None))]
     #[allow(clippy::too_many_arguments)]
     fn impact_at_points(
         &self,
@@ -90,24 +118,22 @@ impl Chain {
         qd: Given,
         points: Vec<(String, [f64; 3])>,
         normal: Given,
-        restitution: f64,
-        friction: f64,
+        restitution: Option<f64>,
+        friction: Option<f64>,
         law: &str,
         sticks: bool,
         joints: Maybe,
         relative_stiffness: Option<Vec<f64>>,
-        exponent: f64,
+        exponent: Option<f64>,
     ) -> PyResult<SeveralImpact> {
-        let laws = SeveralLaw::ALL.map(|known| match known {
-            SeveralLaw::Energetic { .. } => SeveralLaw::Energetic { exponent },
-            other => other,
-        });
-        let Some(law) = laws.into_iter().find(|known| known.name() == law) else {
-            let names = SeveralLaw::ALL.map(SeveralLaw::name).join(", ");
-            return Err(exceptions::ImpactError::new_err(format!(
-                "law is '{law}': the laws of several points are {names}"
-            )));
-        };
+        let law = several_law(law, exponent, relative_stiffness.is_some())?;
+        if let Some(what) =
+            [("restitution", restitution), ("friction", friction)].iter().find(|it| sticks && it.1.is_some())
+        {
+            let why = format!("{} has no effect with sticks=True: leave one of them out", what.0);
+            return Err(exceptions::ImpactError::new_err(why));
+        }
+        let (restitution, friction) = (restitution.unwrap_or(0.0), friction.unwrap_or(0.0));
         let normals: Vec<Vector3<f64>> = match normal.extract::<Vec<[f64; 3]>>() {
             Ok(each) if each.len() == points.len() => each.into_iter().map(Into::into).collect(),
             Ok(each) => {

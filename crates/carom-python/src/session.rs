@@ -2,6 +2,7 @@
 
 use crate::array::{Array, list};
 use crate::chain::{Chain, Origin};
+use crate::contact_problem::ContactProblem;
 use crate::error::{exceptions, raise};
 use crate::run::{RunEvent, contact_table};
 use crate::scene::{Functions, Planned, Scene};
@@ -106,6 +107,15 @@ impl Session {
     #[pyo3(signature = (longest, *, loads=false))]
     fn advance_to_event(&mut self, py: Python<'_>, longest: f64, loads: bool) -> PyResult<Vec<RunEvent>> {
         self.go(py, (longest, true, loads))
+    }
+
+    /// The contact problem of a time step of this length (s) from the present state, as time steps of the scene pose it (Moreau–Jean,
+    /// θ = ½): contacts that are closed after half a step with the present velocities, joint limits and joints with dry friction.
+    ///
+    /// Raises:
+    ///     SimulationError: a step that is not > 0, and errors of the computation of forces.
+    fn contact_problem(&self, step: f64) -> PyResult<ContactProblem> {
+        Ok(self.functions.pass(self.session.contact_problem(step))?.into())
     }
 
     /// The whole state, for `restore`: time, q, qd, the contacts and what they remember. The joint forces are not part of it.

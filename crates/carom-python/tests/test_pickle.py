@@ -85,6 +85,8 @@ def made():
         "outcome in space": carom.law(*space, carom.Poisson(0.5, 0.1)),
         "diagram": carom.diagram(H, u, 0.3, carom.law(H, u, [LAW])),
         "several points": quadruped.impact_at_points(*landing, restitution=0.5, friction=0.3),
+        "contact problem": (problem := carom.ContactProblem(np.diag([1.0, 2, 3, 4]), [0.1, 0.2, -1, 2], kinds=["contact", "held"], friction=[0.3, 0])),
+        "solution of a contact problem": problem.solve(),
         "energies": arm.energies(q, qd),
         "scene": scene,
         "changed scene": changed,

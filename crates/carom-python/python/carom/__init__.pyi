@@ -738,13 +738,13 @@ class Chain:
         points: Sequence[tuple[str, Sequence[float]]],
         normal: ArrayLike,
         *,
-        restitution: float = 0.0,
-        friction: float = 0.0,
+        restitution: float | None = None,
+        friction: float | None = None,
         law: Literal["moreau", "poisson", "sequential", "energetic"] = "moreau",
         sticks: bool = False,
         joints: _Joints | None = None,
         relative_stiffness: Sequence[float] | None = None,
-        exponent: float = 1.5,
+        exponent: float | None = None,
     ) -> SeveralImpact:
         """The impact of several points of the robot at the same moment, as one problem: a toe line, a face, two feet.
 
@@ -761,7 +761,8 @@ class Chain:
                 used.
             joints: as for impact.
             relative_stiffness: under "energetic" the stiffnesses of the points relative to one another, shape (K,); None: all equal.
-            exponent: under "energetic" that of the normal force over the penetration: 1 for flat contacts, 1.5 for round bodies.
+            exponent: under "energetic" that of the normal force over the penetration: 1 for flat contacts, 1.5 for round bodies, which is
+                the default.
 
         Returns:
             A SeveralImpact.
@@ -803,6 +804,115 @@ class SeveralImpact:
         """Notes about the result, as for Impact; and "without-restitution": no impulses satisfy the law with the coefficients of
         restitution given, and the result is that with all of them zero, as in scenes.
         """
+
+class ContactProblem:
+    """A contact problem: impulses p and velocities u = u_free + H p that obey the laws of the constraints.
+
+    The rows of a contact are its two tangents and its normal, which points from the environment to the robot; a contact in the plane
+    has zeros in the row and column of its second tangent. Every other constraint has one row. `carom.fclib` reads and writes
+    problems of contacts in the format of the field's collections. Immutable.
+
+    Args:
+        delassus: H = J M⁻¹ Jᵀ, shape (n, n), 1/kg: symmetric, positive semidefinite, singular where constraints are redundant.
+        u_free: velocities without impulses, shape (n,), m/s.
+        friction: Coulomb's coefficient, a number or shape (K,) for K constraints; of contacts alone. Default 0.
+        restitution: Newton's coefficient (Poisson's, the energetic one under these laws), a number or shape (K,). Default 0.
+        u_minus: velocities before, to which restitution refers, shape (n,); None: u_free, an impact without forces.
+        kinds: of each constraint "contact", "stop" (a contact or joint limit without friction), "dry" (dry friction of a joint) or
+            "held" (the row's velocity is 0); None: contacts only.
+        bounds: the largest impulse of dry friction, N s, shape (K,); used for "dry" alone.
+
+    Raises:
+        StateError: a wrong shape.
+        ImpactError: a matrix that is not symmetric and positive semidefinite, a coefficient out of its range.
+    """
+    @property
+    def bounds(self) -> _Vector:
+        """The largest impulse of dry friction, N s, shape (K,); inf for the other constraints."""
+    @property
+    def restitution(self) -> _Vector:
+        """Coefficient of restitution of each constraint, shape (K,); 0 for those without one."""
+    @property
+    def friction(self) -> _Vector:
+        """Coulomb's coefficient of each constraint, shape (K,); 0 for those without one."""
+    @property
+    def kinds(self) -> list[str]:
+        """The kind of each constraint: "contact", "stop", "dry" or "held"."""
+    @property
+    def u_minus(self) -> _Vector:
+        """Velocities before, shape (n,), m/s."""
+    @property
+    def u_free(self) -> _Vector:
+        """Velocities without impulses, shape (n,), m/s."""
+    @property
+    def delassus(self) -> _Matrix:
+        """H, shape (n, n), 1/kg."""
+    def __new__(
+        cls,
+        delassus: ArrayLike,
+        u_free: ArrayLike,
+        *,
+        friction: ArrayLike | None = None,
+        restitution: ArrayLike | None = None,
+        u_minus: ArrayLike | None = None,
+        kinds: Sequence[str] | None = None,
+        bounds: ArrayLike | None = None,
+    ) -> Self: ...
+    def solve(
+        self,
+        *,
+        law: str = "moreau",
+        tolerance: float = 1e-12,
+        max_iterations: int = 2000,
+        start: ArrayLike | None = None,
+        relative_stiffness: ArrayLike | None = None,
+        exponent: float | None = None,
+    ) -> ContactSolution:
+        """Solves the problem.
+
+        Args:
+            law: "moreau" (restitution of velocities, all constraints at once; with restitution 0 Coulomb's law and Signorini's condition),
+                "poisson", "sequential" or "energetic", as for `Chain.impact_at_points`.
+            tolerance: residual, relative to the largest velocity, at which the iteration ends.
+            max_iterations: the largest number of sweeps and Newton steps; of "sequential" of impacts.
+            start: under "moreau" impulses to begin with, shape (n,), N s.
+            relative_stiffness, exponent: as for `Chain.impact_at_points`; the stiffnesses have shape (K,).
+
+        Returns:
+            A ContactSolution. A problem without a solution, or whose solution is not found, is no error: its residual is above the
+            tolerance, and `solved` is False.
+
+        Raises:
+            StateError: a wrong shape.
+            ImpactError: an unknown law; friction under "energetic"; arguments that the law does not use.
+        """
+
+class ContactSolution:
+    """The impulses and velocities of a contact problem. Immutable."""
+    @property
+    def flags(self) -> list[str]:
+        """Notes about the solution: "energy-gain", "no-approach" (no impulses are needed), "non-unique" (other impulses give other
+        velocities).
+        """
+    @property
+    def solved(self) -> bool:
+        """Whether the residual is within the tolerance."""
+    @property
+    def energy_change(self) -> float:
+        """Work of the impulses at the mean of the velocities before and after, J."""
+    @property
+    def iterations(self) -> int:
+        """Number of sweeps and Newton steps; of "sequential" of impacts."""
+    @property
+    def residual(self) -> float:
+        """Violation of the law, relative to the largest velocity."""
+    @property
+    def u_plus(self) -> _Vector:
+        """Velocities after, shape (n,), m/s."""
+    @property
+    def impulse(self) -> _Vector:
+        """Impulses on the robot along the rows, shape (n,), N s."""
+    def __new__(cls, _: Never, /) -> Self: ...
 
 class Impact:
     """An impact of a chain at one state."""
@@ -1132,7 +1242,11 @@ class Scene:
                 their place.
         """
     def with_duration(self, duration: float) -> Scene:
-        """The same scene with another duration, s."""
+        """The same scene with another duration, s.
+
+        Raises:
+            SimulationError: a duration that is not positive and finite.
+        """
     def with_law(self, law: _AnyLaw, *, link: str | None = None, surface: str | None = None) -> Scene:
         """The same scene with another impact law at its contacts with surfaces and between links.
 
@@ -1169,7 +1283,7 @@ class Scene:
         velocity: float = 0.1,
         torque: float = 1.0,
         end: float = 1.0,
-        joints: Sequence[str] = ...,
+        joints: Sequence[str] | None = None,
         rows: int = 200,
         table: str = "feedback.csv",
     ) -> dict[str, Any]:
@@ -1315,6 +1429,13 @@ class Session:
     def advance_to_event(self, longest: float, *, loads: bool = False) -> list[Event]:
         """Advances to the next event, by `longest` seconds at most; returns the events of its time, an empty list if there is none.
         Loads and errors as `advance`.
+        """
+    def contact_problem(self, step: float) -> ContactProblem:
+        """The contact problem of a time step of this length (s) from the present state, as time steps of the scene pose it (Moreau–Jean,
+        θ = ½): contacts that are closed after half a step with the present velocities, joint limits and joints with dry friction.
+
+        Raises:
+            SimulationError: a step that is not > 0, and errors of the computation of forces.
         """
     def save(self) -> SessionState:
         """The whole state, for `restore`: time, q, qd, the contacts and what they remember. The joint forces are not part of it."""

@@ -50,7 +50,7 @@ impl SeveralLaw {
     ///
     /// # Errors
     /// [`ImpactError`] of the energetic law; the others have none for a problem that could be made.
-    pub(crate) fn solve(
+    pub fn solve(
         self,
         problem: &SeveralProblem,
         stiffnesses: &[f64],

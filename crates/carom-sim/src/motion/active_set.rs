@@ -62,11 +62,6 @@ impl ActiveSet {
         contacts && joints && self.stepping == other.stepping
     }
 
-    /// Whether both are of simulations with the same number of touches.
-    pub fn fits(&self, other: &Self) -> bool {
-        self.impacts.len() == other.impacts.len()
-    }
-
     /// The contact mode, in one word.
     pub fn mode(&self) -> ContactMode {
         match &self.lasting[..] {

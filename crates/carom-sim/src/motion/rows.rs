@@ -18,7 +18,7 @@ use crate::model::Simulation;
 use crate::state::{Basis, ContactImpulse, Space, View};
 use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
-use carom_impact::Constraint;
+use carom_impact::{Constraint, SeveralProblem};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
 use std::ops::Range;
 
@@ -272,6 +272,22 @@ impl Constraints {
     pub fn gram(&self, responses: &Rows) -> DMatrix<f64> {
         let m = self.rows.len();
         DMatrix::from_fn(m, m, |i, j| self.rows.dot(i.min(j), responses.row(i.max(j))))
+    }
+
+    /// The problem of impulses along these rows: with the velocities before and those without impulses, relative to the surfaces.
+    pub fn problem(
+        &self,
+        responses: &Rows,
+        laws: Vec<Constraint>,
+        [u_minus, u_free]: [&DVector<f64>; 2],
+    ) -> Result<SeveralProblem, SimError> {
+        let problem = SeveralProblem::from_gram(self.gram(responses), u_minus.clone(), laws)?;
+        Ok(problem.with_free_velocity(u_free.clone())?)
+    }
+
+    /// [`Self::excess`] of the velocities before a time step, and of those after it without impulses.
+    pub fn before_and_free(&self, v: &DVector<f64>, free: &DVector<f64>) -> [DVector<f64>; 2] {
+        [v, free].map(|v| self.excess(v.as_slice()))
     }
 
     /// The smallest change x of velocities, in the metric of M, with R x = `errors`: M⁻¹Rᵀ π on independent rows.

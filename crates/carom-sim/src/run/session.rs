@@ -3,12 +3,14 @@
 use super::run_state::{Checkpoint, Run};
 use super::trajectory::{EnergyBooks, Event, Sampling, Seen, StopReason, Summary};
 use crate::contact::ContactMode;
-use crate::error::SimError;
+use crate::error::{SimError, named, require};
 use crate::model::{Drive, Simulation};
 use crate::motion::{ContactState, Motion};
 use crate::plan::Plan;
 use crate::state::{Moment, Space};
 use carom_chain::{Chain, PlanarChain};
+use carom_impact::SeveralProblem;
+use std::sync::Arc;
 
 /// Asks a run that stands where the session does.
 macro_rules! ask {
@@ -56,6 +58,8 @@ pub struct Session {
 #[derive(Debug, Clone)]
 pub struct SessionState {
     checkpoint: Checkpoint,
+    /// Of the simulation that it is a state of.
+    names: Arc<[String]>,
     /// Energy at the start, J.
     start: f64,
     /// Events that no advance has returned yet.
@@ -133,6 +137,18 @@ impl Session {
     /// [`SimError`] of the computation of forces.
     pub fn contacts(&self) -> Result<Vec<ContactState>, SimError> {
         ask!(self, |run| run.contacts())
+    }
+
+    /// The contact problem of a time step of this length (s) from the present state, as time steps of the scene pose it
+    /// (Moreau–Jean, θ = ½): contacts that are closed after half a step with the present velocities, joint limits and joints with dry
+    /// friction, in this order. Its impulses are N s, its velocities those of the rows relative to the surfaces, m/s and rad/s.
+    /// Compliant contacts are among the forces.
+    ///
+    /// # Errors
+    /// [`SimError::Setting`] for a step that is not > 0, and errors of the computation of forces.
+    pub fn contact_problem(&self, step: f64) -> Result<SeveralProblem, SimError> {
+        require(step > 0.0 && step.is_finite(), "step", step, "it must be positive and finite")?;
+        ask!(self, |run| run.contact_problem(step))
     }
 
     /// The forces of the motors now, after their limits, under the drive that was set last: length nv; N m, N.
@@ -232,16 +248,13 @@ impl Session {
     /// Returns to a state of this session, or of another one of the same simulation. The drive stays as it is.
     ///
     /// # Errors
-    /// [`SimError::Setting`] if the state belongs to a simulation with another number of coordinates or of possible contacts.
+    /// [`SimError::Named`] if the state belongs to a simulation with other joints or possible contacts.
     pub fn restore(&mut self, state: &SessionState) -> Result<(), SimError> {
-        let (own, other) = (&self.state.checkpoint, &state.checkpoint);
-        if own.y.len() != other.y.len() || !own.active.fits(&other.active) {
-            let (what, value) = ("length of the state", other.y.len() as f64);
-            return Err(SimError::Setting {
-                what,
-                value,
-                rule: "it belongs to another simulation: save it in this one",
-            });
+        let (own, other) = (&self.state.names, &state.names);
+        if own != other {
+            let apart = other.iter().find(|name| !own.contains(name)).or(own.iter().find(|name| !other.contains(name)));
+            let name = apart.map_or("", String::as_str);
+            return Err(named("the saved state", name, "belongs to another simulation: save it in this one"));
         }
         self.state = SessionState { changed: true, ..state.clone() };
         Ok(())
@@ -301,7 +314,8 @@ impl Session {
         let advanced =
             in_its_space!(sim, &self.flat, |A, model| advance::<A>(sim, model, checkpoint, go, sampling, watch));
         let (stop, checkpoint) = advanced?;
-        self.state = SessionState { checkpoint, start: self.state.start, pending: Vec::new(), changed: false };
+        let SessionState { start, ref names, .. } = self.state;
+        self.state = SessionState { checkpoint, names: names.clone(), start, pending: Vec::new(), changed: false };
         Ok(stop)
     }
 }
@@ -325,7 +339,8 @@ fn start<A: Space>(sim: &Simulation, model: &A::Model, q: &[f64], qd: &[f64]) ->
     run.end = run.time;
     run.begin()?;
     let checkpoint = run.checkpoint();
-    Ok(SessionState { checkpoint, start, pending, changed: false })
+    let names = sim.state_names().into_iter().chain(sim.touches.iter().map(|touch| touch.name.clone())).collect();
+    Ok(SessionState { checkpoint, names, start, pending, changed: false })
 }
 
 /// Runs on from `checkpoint`; returns why it ended, and where.

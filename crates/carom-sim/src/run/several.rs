@@ -25,12 +25,11 @@ impl<A: Space> Run<'_, '_, A> {
     pub fn solve(
         &self,
         (table, responses, laws): (&Constraints, &Rows, Vec<Constraint>),
-        [u_minus, u_free]: [&DVector<f64>; 2],
+        velocities: [&DVector<f64>; 2],
         (law, accuracy): (SeveralLaw, &Accuracy),
         start: Option<&DVector<f64>>,
     ) -> Result<SeveralOutcome, SimError> {
-        let problem = SeveralProblem::from_gram(table.gram(responses), u_minus.clone(), laws)?;
-        let problem = problem.with_free_velocity(u_free.clone())?;
+        let problem = table.problem(responses, laws, velocities)?;
         Ok(law.solve(&problem, &table.stiffnesses(self.motion.sim), accuracy, start)?)
     }
 

@@ -37,8 +37,8 @@ use crate::motion::{
 };
 use crate::state::{CLEAR, EQUAL, EXACT, GROWTH, Loops, Space, View};
 use carom_chain::{ChainError, Rows};
-use carom_impact::{Accuracy, Constraint, Flags};
-use nalgebra::{Cholesky, DVector, Dyn, Vector3};
+use carom_impact::{Accuracy, Constraint, Flags, SeveralProblem};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
 
 /// Accuracy of the impulses of a time step: far below the error of time stepping.
 const STEP_ACCURACY: Accuracy = Accuracy { tolerance: 1e-10, ..ACCURACY };
@@ -68,6 +68,24 @@ struct TimeStep {
     open: bool,
     /// Whether all velocities are zero.
     still: bool,
+}
+
+/// A time step before its impulses.
+struct Posed {
+    /// q at its middle, and the state there with q̇ of its start.
+    middle: Vec<f64>,
+    there: Vec<f64>,
+    /// The compliant contacts.
+    contacts: Vec<ContactState>,
+    /// Rates of the deflections of compliant contacts.
+    bends: Vec<f64>,
+    mass: DMatrix<f64>,
+    /// q̇ at its start, and at its end without impulses.
+    v: DVector<f64>,
+    free: DVector<f64>,
+    /// The rows of the impulses, and the responses to them.
+    table: Constraints,
+    responses: Rows,
 }
 
 impl<A: Space> Run<'_, '_, A> {
@@ -283,18 +301,26 @@ impl<A: Space> Run<'_, '_, A> {
         if self.motion.active.lasting.is_empty() { Ok(Vec::new()) } else { self.motion.contact_states(time, y) }
     }
 
-    /// One time step of this length, s.
-    fn time_step(&mut self, step: f64) -> Result<TimeStep, SimError> {
+    /// The contact problem of a time step of this length, s, as [`Self::time_step`] poses it.
+    pub fn contact_problem(&mut self, step: f64) -> Result<SeveralProblem, SimError> {
+        let Posed { v, free, table, responses, .. } = self.posed(step)?;
+        let u = table.before_and_free(&v, &free);
+        let laws = table.laws(self.motion.sim, &self.motion.active.dry, step, Some(&u[0]));
+        table.problem(&responses, laws, u.each_ref())
+    }
+
+    /// What the impulses of a time step of this length, s, are found from.
+    fn posed(&mut self, step: f64) -> Result<Posed, SimError> {
         let sim = self.motion.sim;
-        let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
+        let nv = sim.chain.nv();
         let (q, qd) = self.q_qd();
         let (start, middle_time) = (self.time, self.time + step / 2.0);
         let middle = sim.chain.integrate(&q, &qd, step / 2.0)?;
         // All dry friction is part of the contact problem, so none of it is applied as a force.
         self.motion.active.dry.iter_mut().for_each(|joint| joint.state = Dry::Holds);
         let mut there = self.y.clone();
-        there[..nq].copy_from_slice(&middle);
-        let mut contacts = self.press_in_step(middle_time, &there)?;
+        there[..q.len()].copy_from_slice(&middle);
+        let contacts = self.press_in_step(middle_time, &there)?;
         let Loads { tau, bends, .. } = self.motion.loads(middle_time, &there)?;
         let dry = self.motion.active.dry.clone();
         let (stiffness, damping) = self.motion.regulation(&[]);
@@ -343,20 +369,30 @@ impl<A: Space> Run<'_, '_, A> {
                 }
             }
         }
-        let open = table.rows.is_empty();
         table.hold(&dry);
+        let mut responses = solved(&inertia, &table.rows);
+        if let Some(closed) = &closed {
+            let rows = table.rows.iter().zip(responses.iter_mut());
+            rows.for_each(|(row, response)| closed.bind_response(row, response));
+        }
+        Ok(Posed { middle, there, contacts, bends, mass, v, free, table, responses })
+    }
+
+    /// One time step of this length, s.
+    fn time_step(&mut self, step: f64) -> Result<TimeStep, SimError> {
+        let sim = self.motion.sim;
+        let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
+        let start = self.time;
+        let Posed { middle, mut there, mut contacts, bends, mass, v, free, table, responses } = self.posed(step)?;
+        let (q, qd) = self.q_qd();
+        let (middle_time, open) = (start + step / 2.0, table.contacts.is_empty());
         let mut next = free.clone();
         let mut fall = 0.0_f64;
         if !table.rows.is_empty() {
-            let mut responses = solved(&inertia, &table.rows);
-            if let Some(closed) = &closed {
-                let rows = table.rows.iter().zip(responses.iter_mut());
-                rows.for_each(|(row, response)| closed.bind_response(row, response));
-            }
-            let u = [table.excess(&qd), table.excess(free.as_slice())];
+            let u = table.before_and_free(&v, &free);
             fall = (&u[0] - &u[1]).amax() * step;
             let guess = guess(&table, &self.history.stepped, step);
-            let laws = table.laws(sim, &dry, step, Some(&u[0]));
+            let laws = table.laws(sim, &self.motion.active.dry, step, Some(&u[0]));
             let outcome =
                 self.solve((&table, &responses, laws), u.each_ref(), (sim.several, &STEP_ACCURACY), Some(&guess))?;
             self.history.statistics.worst_residual = self.history.statistics.worst_residual.max(outcome.residual);
