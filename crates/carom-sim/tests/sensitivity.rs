@@ -6,7 +6,7 @@ use carom_sim::{
     TorqueTable, Touch, Yielding,
 };
 use carom_testing::build::{self, Part, X, Y, Z, along, chain, falling_ball};
-use carom_testing::scenes::{DOWN, changed, newton, on_floor};
+use carom_testing::scenes::{DOWN, changed, newton, on_floor, with_robots};
 use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
 
 /// The final state as displacement from `last` and velocity.
@@ -596,5 +596,34 @@ fn a_motion_at_rest_has_the_derivatives_of_the_fast_one_beside_it() {
                 assert!(error < 1e-7, "k {k}, d {d}, {time} s, {i} {j}: {} for {exact}", by[(i, j)]);
             }
         }
+    }
+}
+
+/// Restitution 1 and friction 0 have neighbours on one side only: the derivatives there are those on this side.
+#[test]
+fn numbers_at_an_end_of_their_range_have_the_derivative_on_the_side_that_there_is() {
+    let by = |scene: &Scene, path: &str, duration: f64| {
+        let found = scene.plan().unwrap().sensitivity(duration, &[scene.parameter(path).unwrap()]).unwrap();
+        assert!(found.broken.is_none(), "{path}: {:?}", found.broken);
+        found.last_by.unwrap().column(12).into_owned()
+    };
+    let elastic = changed("bounce", &[("restitution = 0.8", "restitution = 1")]);
+    // From 1 m: z = e v (T − t) − ½ g (T − t)².
+    let (g, end) = (9.81_f64, 0.8);
+    let (strike, speed) = ((2.0 / g).sqrt(), (2.0 * g).sqrt());
+    let found = by(&elastic, "contact.restitution", end);
+    for (k, expected) in [(2, speed * (end - strike)), (8, speed)] {
+        assert!((found[k] - expected).abs() < 1e-8, "{k}: {} {expected}", found[k]);
+    }
+    // A box that slides: ẋ = 1 − μ g t.
+    let slides = with_robots(
+        "[robot]\nurdf = \"box.urdf\"\nfloating = true\nq = [0, 0, 0.025, 0, 0, 0, 1]\nqd = [1, 0, 0, 0, 0, 0]\n\
+         [[surface]]\nshape = { halfspace = { point = [0, 0, 0], normal = [0, 0, 1] } }\n\
+         [contact]\nlaw = \"newton\"\nfriction = 0\n[run]\nduration = 0.2\n",
+    )
+    .unwrap();
+    let found = by(&slides, "contact.friction", 0.2);
+    for (k, expected) in [(0, -0.5 * g * 0.04), (6, -g * 0.2)] {
+        assert!((found[k] - expected).abs() < 1e-8, "{k}: {} {expected}", found[k]);
     }
 }

@@ -16,11 +16,35 @@ pub(crate) const DIFFERENCE: f64 = 1e-5;
 pub(crate) const AT: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
 pub(crate) const WEIGHTS: [f64; 4] = [1.0 / 12.0, -8.0 / 12.0, 8.0 / 12.0, -1.0 / 12.0];
 
+/// Where a derivative by a parameter is taken from: the multiples of the step, and their weights.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Stencil {
+    pub at: [f64; 4],
+    pub weights: [f64; 4],
+}
+
+/// On both sides, of fourth order.
+pub(crate) const CENTRAL: Stencil = Stencil { at: AT, weights: WEIGHTS };
+
+/// At an end of a parameter's range: on the side of greater or of smaller numbers, of third order.
+const ONE_SIDED: [Stencil; 2] = [
+    Stencil { at: [0.0, 1.0, 2.0, 3.0], weights: [-11.0 / 6.0, 3.0, -1.5, 1.0 / 3.0] },
+    Stencil { at: [0.0, -1.0, -2.0, -3.0], weights: [11.0 / 6.0, -3.0, 1.5, -1.0 / 3.0] },
+];
+
+impl Stencil {
+    /// Whether it is on one side, from the place itself.
+    pub fn is_one_sided(&self) -> bool {
+        self.at[0] == 0.0
+    }
+}
+
 /// What a run is made of: the simulation, its chain in the plane or in space, and q and qd of the start.
 pub(crate) type Base<'a, A> = (&'a Simulation, &'a <A as Space>::Model, (&'a [f64], &'a [f64]));
 
-/// The simulations with a parameter changed by the multiples [`AT`] of a number, and their chains where they differ.
+/// The simulations with a parameter changed by multiples of a number, and their chains where they differ.
 pub(crate) struct Four<A: Space> {
+    stencil: Stencil,
     sims: [Simulation; 4],
     models: Option<[A::Model; 4]>,
 }
@@ -92,11 +116,22 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
         self.runs.as_deref_mut().map_or_else(|| unreachable!("the runs are made"), Ok)
     }
 
+    /// Where its runs are, once they are made.
+    pub fn stencil(&self) -> Stencil {
+        self.others.get().map_or(CENTRAL, |others| others.stencil)
+    }
+
     fn change(&self) -> Result<Four<A>, SimError> {
         let sim = self.base.0;
         let refused = |rule| SimError::Setting { what: "parameter of a sensitivity", value: self.by, rule };
-        let [a, b, c, d] = AT.map(|times| self.parameter.apply(sim, times * self.by));
-        let sims = [a?, b?, c?, d?];
+        let changed = |stencil: Stencil| -> Result<_, SimError> {
+            let [a, b, c, d] = stencil.at.map(|times| self.parameter.apply(sim, times * self.by));
+            Ok((stencil, [a?, b?, c?, d?]))
+        };
+        let [ahead, behind] = ONE_SIDED;
+        // Refused on all sides, the reason is that of the first.
+        let (stencil, sims) =
+            changed(CENTRAL).or_else(|why| changed(ahead).or_else(|_| changed(behind)).map_err(|_| why))?;
         let fits = |other: &Simulation| {
             let (own, chain) = (&sim.chain, &other.chain);
             (own.nq(), own.nv()) == (chain.nq(), chain.nv()) && other.touches.len() == sim.touches.len()
@@ -107,24 +142,29 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
             return Err(refused(rule));
         }
         if sims.iter().all(|other| other.chain == sim.chain) {
-            return Ok(Four { sims, models: None });
+            return Ok(Four { stencil, sims, models: None });
         }
         let mut models = sims.iter().map_while(self.model);
         let four = std::array::from_fn(|_| models.next());
         let [Some(a), Some(b), Some(c), Some(d)] = four else {
             return Err(refused("it takes the robot out of the plane in which it moves"));
         };
-        Ok(Four { sims, models: Some([a, b, c, d]) })
+        Ok(Four { stencil, sims, models: Some([a, b, c, d]) })
     }
 
-    /// [`Changed::runs`] in this mode.
+    /// [`Changed::runs`] in this mode, each with its weight in the derivative.
     ///
     /// # Errors
     /// As there.
-    pub fn runs_in(&mut self, active: &ActiveSet) -> Result<&mut [Run<'a, 'w, A>; 4], SimError> {
+    pub fn runs_in(
+        &mut self,
+        active: &ActiveSet,
+    ) -> Result<impl Iterator<Item = (&mut Run<'a, 'w, A>, f64)>, SimError> {
+        self.runs()?;
+        let (by, weights) = (self.by, self.stencil().weights);
         let runs = self.runs()?;
         runs.iter_mut().for_each(|run| run.motion.active.clone_from(active));
-        Ok(runs)
+        Ok(runs.iter_mut().zip(weights).map(move |(run, weight)| (run, weight / by)))
     }
 }
 

@@ -24,7 +24,7 @@
 //! **Where there is no derivative** the events of neighbouring motions are others, and E has a kink or a jump: it is compared
 //! with its own second differences, and the modes after the event must be the same.
 
-use super::changed::{AT, Changed, DIFFERENCE, WEIGHTS};
+use super::changed::{CENTRAL, Changed, DIFFERENCE, Stencil};
 use super::crossing::{After, Before, Struck, WIDE, jump, normal, outcome, rate, value};
 use super::follow::{Follow, Stop};
 use super::guard::{Ending, Guard, Is};
@@ -204,7 +204,8 @@ impl<A: Space> Follow<'_, '_, A> {
         // Guards are smooth, so a larger step has less rounding.
         let wide = WIDE / own.amax().max(1.0);
         let mut slope = 0.0;
-        for (k, (times, weight)) in AT.iter().zip(WEIGHTS).enumerate() {
+        let Stencil { at, weights } = self.stencil(parameter)?;
+        for (k, (times, weight)) in at.iter().zip(weights).enumerate() {
             let (run, beside, step) = match parameter {
                 Some(p) => {
                     let by = self.changed[p].by;
@@ -216,6 +217,13 @@ impl<A: Space> Follow<'_, '_, A> {
             slope += weight / step * value(run, guard, before.time, beside.as_slice())?.value;
         }
         Ok(-slope / before.rate)
+    }
+
+    /// Where the neighbouring motions are, of a change of x, or of a parameter.
+    fn stencil(&mut self, parameter: Option<usize>) -> Result<Stencil, Stop> {
+        let Some(p) = parameter else { return Ok(CENTRAL) };
+        self.changed[p].runs()?;
+        Ok(self.changed[p].stencil())
     }
 
     /// What a change of x, or of a parameter, becomes by the event. `middle`: the outcome without a change.
@@ -230,8 +238,9 @@ impl<A: Space> Follow<'_, '_, A> {
         let along = own + &before.f * time_by;
         h *= self.share(before, &along, h)?;
         let end = self.run.end;
-        let mut found = Vec::with_capacity(AT.len());
-        for (k, times) in AT.iter().enumerate() {
+        let stencil = self.stencil(parameter)?;
+        let mut found = Vec::with_capacity(stencil.at.len());
+        for (k, times) in stencil.at.iter().enumerate() {
             let run = match parameter {
                 Some(p) => &mut self.changed[p].runs()?[k],
                 None => &mut self.probe,
@@ -249,13 +258,14 @@ impl<A: Space> Follow<'_, '_, A> {
         }
         let mut moved = DVector::zeros(after.x.len());
         let mut later = 0.0;
-        for ((there, time), weight) in found.iter().zip(WEIGHTS) {
+        for ((there, time), weight) in found.iter().zip(stencil.weights) {
             moved += there * (weight / h);
             later += (time - after.time) * (weight / h);
         }
         // Of a smooth outcome the second differences at one and two steps are as 1 : 4, at a kink as 1 : 2, at a jump as 1 : 1.
+        // At an end of a range there is one side, whose kink is not seen.
         let bends = [1, 0].map(|k| (&found[k].0 + &found[3 - k].0 - middle * 2.0).amax() / h);
-        if bends[0] > KINK * moved.amax().max(1.0) && bends[1] < 3.0 * bends[0] {
+        if !stencil.is_one_sided() && bends[0] > KINK * moved.amax().max(1.0) && bends[1] < 3.0 * bends[0] {
             return self
                 .broken(before.time, "neighbouring motions have other events at the same time, in another order");
         }

@@ -138,9 +138,8 @@ impl<A: Space> Run<'_, '_, A> {
             }
             for (p, changed) in changed.iter_mut().enumerate() {
                 let mut column = push.column_mut(p);
-                let by = changed.by;
-                for (run, weight) in changed.runs_in(&self.motion.active)?.iter_mut().zip(WEIGHTS) {
-                    column += run.field(time, x)? * (weight / by);
+                for (run, weight) in changed.runs_in(&self.motion.active)? {
+                    column += run.field(time, x)? * weight;
                 }
             }
         }
@@ -221,8 +220,7 @@ impl<A: Space> Run<'_, '_, A> {
             Place::Motor { number, joint } => change[joint.v] = self.motion.motor_by((number, &joint), (time, y), at),
             Place::Restitution | Place::Friction if self.motion.is_free(at) => {}
             _ => {
-                let by = changed.by;
-                for (run, weight) in changed.runs_in(&self.motion.active)?.iter_mut().zip(WEIGHTS) {
+                for (run, weight) in changed.runs_in(&self.motion.active)? {
                     let mut part = run.motion.balance(time, y, at)?;
                     // Those of all are the same, unless gravity or the chain is changed.
                     let (own, sim) = (run.motion.sim, self.motion.sim);
@@ -230,7 +228,7 @@ impl<A: Space> Run<'_, '_, A> {
                         let needed = run.motion.inertial_forces(y, at)?;
                         part.as_mut_slice().iter_mut().zip(needed.iter()).for_each(|(part, needed)| *part -= needed);
                     }
-                    change.axpy(weight / by, &part, 1.0);
+                    change.axpy(weight, &part, 1.0);
                 }
             }
         }

@@ -86,7 +86,15 @@ impl Scene {
         change(&mut keys)?;
         let text = toml::to_string(&keys).map_err(|e| refuse(e.to_string()))?;
         let bodies = (robots(&keys) == before).then_some(&self.bodies);
-        Self::read(&text, &self.folder, bodies).map_err(|e| in_file("<scene>".into(), e))
+        Self::read(&text, &self.folder, bodies).map_err(|e| match e {
+            // The text is written here, so that its lines are not those of a file.
+            SimError::Scene { rule, .. } => {
+                let after = rule.strip_prefix("line ").and_then(|rule| rule.split_once([',', ':']));
+                let rule = after.map_or(rule.as_str(), |(_, rule)| rule.trim_start()).to_owned();
+                SimError::Scene { file: "the scene with changed keys".into(), rule }
+            }
+            other => other,
+        })
     }
 
     /// The number at the path of a key of the file as a parameter: `contact.friction`, `robot.mass.hand`, `surface[0].contact.restitution`.
@@ -159,7 +167,9 @@ impl Scene {
             ));
         }
         let (scale, same) = with_number(self, path, 0.0)?;
-        let (_, beside) = with_number(self, path, CHANGE * scale)?;
+        // One of them is refused at an end of the number's range.
+        let beside = |change| with_number(self, path, change * scale);
+        let (_, beside) = beside(CHANGE).or_else(|why| beside(-CHANGE).map_err(|_| why))?;
         if (&same.q, &same.qd, same.duration) != (&beside.q, &beside.qd, beside.duration) {
             let why = "it changes the start or the duration: take the start by \"q\", \"qd\" or a part of it (a tip_velocity \
                        depends on the masses: give qd instead), and the end by the final state";
