@@ -258,7 +258,7 @@ impl<A: Algebra> Chain<A> {
     {
         if !(scale > 0.0 && scale.is_finite()) {
             let rule = "the scale of the rotational inertia must be positive and finite";
-            return Err(ChainError::OutOfRange { what: "inertia scale", value: scale, rule });
+            return Err(ChainError::OutOfRange { what: "inertia scale".into(), value: scale, rule });
         }
         let mut scaled = self.clone();
         for Body { inertia, .. } in &mut scaled.bodies {
@@ -293,13 +293,13 @@ impl<A: Algebra> Chain<A> {
     {
         if !(inertia >= 0.0 && inertia.is_finite()) {
             let rule = "the reflected inertia of a rotor must be finite and not negative";
-            return Err(ChainError::OutOfRange { what: "rotor inertia", value: inertia, rule });
+            return Err(ChainError::OutOfRange { what: format!("rotor inertia of {joint}"), value: inertia, rule });
         }
         let coordinate = match &self.joint(joint)?.coordinates {
             Coordinates::Own { v, .. } if v.len() == 1 => v.start,
             _ => {
                 let rule = "a rotor belongs to a joint with one coordinate of its own, not to a fixed, floating, planar or mimic joint";
-                return Err(ChainError::OutOfRange { what: "rotor inertia", value: inertia, rule });
+                return Err(ChainError::OutOfRange { what: format!("rotor inertia of {joint}"), value: inertia, rule });
             }
         };
         let mut geared = self.clone();
@@ -316,14 +316,14 @@ impl<A: Algebra> Chain<A> {
     pub fn with_effort_limit(&self, joint: &str, effort: f64) -> Result<Self, ChainError> {
         if effort.is_nan() || effort < 0.0 {
             return Err(ChainError::OutOfRange {
-                what: "effort limit",
+                what: format!("effort limit of {joint}"),
                 value: effort,
                 rule: "it must not be negative",
             });
         }
         if !matches!(&self.joint(joint)?.coordinates, Coordinates::Own { v, .. } if v.len() == 1) {
             let rule = "an effort limit belongs to a joint with one coordinate of its own, not to a fixed, floating, planar or mimic joint";
-            return Err(ChainError::OutOfRange { what: "effort limit", value: effort, rule });
+            return Err(ChainError::OutOfRange { what: format!("effort limit of {joint}"), value: effort, rule });
         }
         let mut limited = self.clone();
         let own = Arc::make_mut(&mut limited.about).joints.iter_mut().filter(|own| own.name == joint);

@@ -184,8 +184,8 @@ pub enum ChainError {
     /// A number is outside its range.
     #[error("{what} is {value}: {rule}")]
     OutOfRange {
-        /// Name of the quantity.
-        what: &'static str,
+        /// Name of the quantity, and of the link or joint that it belongs to.
+        what: String,
         /// Its value.
         value: f64,
         /// The rule that it breaks.

@@ -57,12 +57,12 @@ pub fn uniform_chain(links: usize, length: f64, mass: f64) -> Result<Chain, Chai
     for (what, value) in [("number of links", links as f64), ("length", length), ("mass", mass)] {
         let sound = value > 0.0 && value.is_finite();
         if !sound {
-            return Err(ChainError::OutOfRange { what, value, rule: "it must be positive and finite" });
+            return Err(ChainError::OutOfRange { what: what.into(), value, rule: "it must be positive and finite" });
         }
     }
     if links > MOST_LINKS {
         let rule = "at most 10000 are allowed, whose mass matrix has 800 MB: give fewer";
-        return Err(ChainError::OutOfRange { what: "number of links", value: links as f64, rule });
+        return Err(ChainError::OutOfRange { what: "number of links".into(), value: links as f64, rule });
     }
     Chain::from_urdf_str(&uniform_chain_urdf(links, length, mass), &LoadOptions::default())
 }

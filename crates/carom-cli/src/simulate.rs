@@ -158,7 +158,14 @@ pub struct Simulate {
     /// Separated by commas: q and qd (the whole start), "q elbow" (a part of it), a parameter such as
     /// friction or "kp elbow", or any number of the scene by the path of its key. A name stands for
     /// all that begin with it: "torque elbow" for all rows of a table of torques.
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "sensitivity", verbatim_doc_comment)]
+    #[arg(
+        long,
+        value_name = "NAMES",
+        value_delimiter = ',',
+        requires = "sensitivity",
+        conflicts_with = "runs",
+        verbatim_doc_comment
+    )]
     wrt: Vec<String>,
     #[command(flatten)]
     rows: RowOptions,
@@ -216,11 +223,21 @@ impl Simulate {
         let named = [("--contacts", contacts), ("--events", of_events), ("--joint-loads", joint_loads)];
         let tables = outputs.tables.iter().map(PathBuf::as_path);
         let printed = Printed::of(tables.chain(named.iter().filter_map(|(_, path)| *path)), self.json)?;
+        let unprinted = [("--sensitivity", self.sensitivity), ("--covariance", self.covariance)];
+        if let Some((option, _)) = unprinted.iter().find(|(_, asked)| *asked && printed.is_asked()) {
+            let why = format!("{option} is told in the answer, and standard output has a table: give this a file");
+            return Err(CliError::Option(why));
+        }
         let files = named.map(|(option, path)| (option, path.filter(|path| *path != Path::new("-"))));
         let written = [&outputs.files()[..], &files].concat();
         files::check(&scene.files, &written)?;
         let tables: Vec<&Path> = outputs.tables.iter().map(|path| printed.place(path)).collect();
         if let Some(runs) = self.runs {
+            if self.covariance && runs < 2 {
+                let why =
+                    "--covariance: run 0 is without disturbance, the runs from 1 on have it: give --runs 2 or more";
+                return Err(CliError::Option(why.into()));
+            }
             let others = named.iter().any(|(_, path)| path.is_some());
             if others || self.record.is_asked() || tables.len() > 1 {
                 let why =

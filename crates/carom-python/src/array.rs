@@ -305,13 +305,19 @@ pub fn vectors<'py>(what: &str, given: &Bound<'py, PyAny>, layout: &str) -> PyRe
 /// Three numbers of a vector.
 ///
 /// # Errors
-/// `StateError` for another number of them.
+/// `StateError` for another number of them, and for numbers that are not finite.
 pub fn vector(what: &str, given: &Bound<'_, PyAny>) -> PyResult<[f64; 3]> {
-    if let Ok(numbers) = given.extract::<(f64, f64, f64)>() {
-        return Ok(numbers.into());
+    let numbers = match given.extract::<(f64, f64, f64)>() {
+        Ok(numbers) => numbers.into(),
+        Err(_) => {
+            let numbers = Numbers::read(what, given)?;
+            <[f64; 3]>::try_from(numbers.slice()).map_err(|_| {
+                StateError::new_err(format!("{what} has the shape {}: 3 numbers are needed", shown(numbers.shape())))
+            })?
+        }
+    };
+    match numbers.iter().find(|x| !x.is_finite()) {
+        Some(x) => Err(StateError::new_err(format!("{what} has the number {x}: it must be finite"))),
+        None => Ok(numbers),
     }
-    let numbers = Numbers::read(what, given)?;
-    <[f64; 3]>::try_from(numbers.slice()).map_err(|_| {
-        StateError::new_err(format!("{what} has the shape {}: 3 numbers are needed", shown(numbers.shape())))
-    })
 }

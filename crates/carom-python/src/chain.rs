@@ -2,7 +2,7 @@
 
 use crate::array::{Array, Given, Maybe, Numbers, Rows, Target, array, list, numpy, together};
 use crate::batch::each_row;
-use crate::error::raise;
+use crate::error::{exceptions, raise};
 use crate::order;
 use crate::pickle::fields;
 use carom_chain::urdf::{JointType, LoadOptions, Meshes, read_str};
@@ -450,6 +450,9 @@ impl Chain {
         dt: f64,
         out: Maybe<'_, 'py>,
     ) -> PyResult<Array<'py>> {
+        if !dt.is_finite() {
+            return Err(exceptions::StateError::new_err(format!("dt is {dt}: it must be finite")));
+        }
         let given = [("q", &self.q(q)?), ("qd", &self.v("qd", qd)?)];
         of_two(py, given, (self.chain.nq(), out), |q, qd| self.chain.integrate(q, qd, dt))
     }
@@ -493,8 +496,8 @@ impl Chain {
 
     /// The positions of joints of one degree of freedom that are outside their limits at q (shape (nq,)), one sentence each.
     fn outside_limits(&self, q: Given) -> PyResult<Vec<String>> {
-        let q = self.q(q)?;
-        Ok(self.chain.outside_limits(q.plain().row(0)).into_iter().map(|(_, why)| why).collect())
+        let q = self.q(q)?.single("q")?;
+        Ok(self.chain.outside_limits(&q).into_iter().map(|(_, why)| why).collect())
     }
 
     /// q, or the pair (q, v), in the order and the coordinates of a Pinocchio model of the same file: children sorted by the

@@ -8,7 +8,7 @@ use crate::impacts::{self, Each, Impacts};
 use crate::laws::{GivenLaw, each_law};
 use crate::notebook;
 use crate::pickle::{Pickled, fields};
-use carom_impact::{CoefficientRanges, Flags};
+use carom_impact::{CoefficientRanges, Flags, LawInfo};
 use carom_sim::{ChainImpact, ImpactBand, ImpactDerivative, Impacts as _, JointModel, Saltation, Strike};
 use nalgebra::{DMatrix, Vector3};
 use pyo3::exceptions::PyTypeError;
@@ -38,6 +38,13 @@ impl Joints {
             };
         }
         if let Ok(dict) = given.cast::<PyDict>() {
+            let known = ["stiffness", "damping", "contact_time"];
+            for (key, _) in dict {
+                let key = key.to_string();
+                if !known.contains(&key.as_str()) {
+                    return Err(PyTypeError::new_err(format!("joints has '{key}': give {}", known.join(", "))));
+                }
+            }
             let need = |key: &str| {
                 let missing =
                     || PyTypeError::new_err(format!("joints has no '{key}': give stiffness, damping and contact_time"));
@@ -317,6 +324,13 @@ impl Chain {
             return Err(PyTypeError::new_err(
                 "restitution and friction are coefficients of the laws of carom: a function has its own",
             ));
+        }
+        let name = |law: &GivenLaw| law.in_space().name();
+        if own[1].is_some() && !laws.iter().any(|law| LawInfo::named(name(law)).is_some_and(|law| law.has("friction")))
+        {
+            let names: Vec<_> = laws.iter().map(name).collect();
+            let why = format!("friction has no effect: the law '{}' has none", names.join("', '"));
+            return Err(PyTypeError::new_err(why));
         }
         let (q, qd, joints) = (self.q(q)?, self.v("qd", qd)?, Joints::read(self, joints)?);
         if gravity.is_some() && !saltation {

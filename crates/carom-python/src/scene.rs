@@ -3,7 +3,7 @@
 use crate::array::{Array, Given, Maybe, list};
 use crate::chain::{Chain, Origin, Owner};
 use crate::controller::PythonController;
-use crate::error::raise;
+use crate::error::{exceptions, raise};
 use crate::laws::GivenLaw;
 use crate::pickle::{Parts, Pickled, Sources, fields, tuple};
 use crate::text::{by_keys, changed_text, toml_text, written};
@@ -386,9 +386,16 @@ impl Scene {
     }
 
     /// The same scene with another duration, s.
-    fn with_duration(&self, duration: f64) -> Self {
+    ///
+    /// Raises:
+    ///     SimulationError: a duration that is not positive and finite.
+    fn with_duration(&self, duration: f64) -> PyResult<Self> {
+        if !(duration > 0.0 && duration.is_finite()) {
+            let why = format!("duration is {duration}: it must be positive and finite");
+            return Err(exceptions::SimulationError::new_err(why));
+        }
         let changed = Changed { duration: true, ..self.changed };
-        Self { changed, ..self.other(carom_sim::Scene { duration, ..(*self.scene).clone() }) }
+        Ok(Self { changed, ..self.other(carom_sim::Scene { duration, ..(*self.scene).clone() }) })
     }
 
     /// The same scene with another impact law at its contacts with surfaces and between links.
@@ -467,7 +474,7 @@ impl Scene {
     /// Raises:
     ///     SimulationError: a controller with feedback; a motion without derivatives; a deviation that is not positive.
     ///     ValueError: a law or a controller was given after reading.
-    #[pyo3(signature = (*, position=0.01, velocity=0.1, torque=1.0, end=1.0, joints=Vec::new(), rows=200, table="feedback.csv"))]
+    #[pyo3(signature = (*, position=0.01, velocity=0.1, torque=1.0, end=1.0, joints=None, rows=200, table="feedback.csv"))]
     #[allow(clippy::too_many_arguments)] // by name
     fn feedback<'py>(
         &self,
@@ -476,13 +483,17 @@ impl Scene {
         velocity: f64,
         torque: f64,
         end: f64,
-        joints: Vec<String>,
+        joints: Option<Vec<String>>,
         rows: usize,
         table: &str,
     ) -> PyResult<Array<'py>> {
         if !self.functions.is_empty() {
             return Err(refuse("no keys say a law of with_law or a function of with_controller"));
         }
+        if joints.as_ref().is_some_and(Vec::is_empty) {
+            return Err(PyValueError::new_err("joints is empty: name those with feedback, or leave it out"));
+        }
+        let joints = joints.unwrap_or_default();
         let folder = self.sources.folder.clone();
         let (scene, plan) = Self::of_keys(py, &written(&self.keys()?)?, folder.clone())?.planned(py)?;
         let regulator = Regulator { position, velocity, force: torque, end, rows, joints };

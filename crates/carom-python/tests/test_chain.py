@@ -240,11 +240,18 @@ def test_rotors_and_masses_of_a_robot_are_those_that_are_given(arm):
         ([1, 0, 0, 1, 0, -1], "its principal moments must be positive and finite"),
         ([1, 0, 0, 1, 0, 3], "no body has a principal moment above the sum of the other two"),
     ]:
-        with pytest.raises(carom.ChainError, match=f"inertia of a link is .*: {why}"):
+        with pytest.raises(carom.ChainError, match=f"inertia of .* is .*: {why}"):
             carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", inertia={"link2": wrong})
     with pytest.raises(carom.ChainError, match="no link is named 'lnk1'; did you mean 'link1'"):
         carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", mass={"lnk1": 1})
-    with pytest.raises(carom.ChainError, match="mass of a link is 1: only a link with a mass"):
+    with pytest.raises(carom.ChainError, match="mass of .* is 1: only a link with a mass"):
         carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", mass={"base": 1})
     with pytest.raises(carom.ChainError, match="elbw"):
         carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", rotor_inertia={"elbw": 1})
+
+
+def test_numbers_that_are_not_finite_and_batches_where_one_state_is_needed_are_refused(arm):
+    for call in (lambda: arm.integrate([0, 0], [1, 1], np.nan), lambda: arm.jacobian([0, 0], "tip", (0, np.inf, 0)),
+                 lambda: arm.bias([0, 0], [1, 1], gravity=(0, 0, np.nan)), lambda: arm.outside_limits(np.zeros((2, 2)))):
+        with pytest.raises(carom.StateError):
+            call()

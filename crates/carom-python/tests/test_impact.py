@@ -320,3 +320,23 @@ def test_points_that_stick_project_the_velocity_and_one_point_is_an_impact():
         quadruped.impact_at_points(q, qd, points, np.eye(3))
     with pytest.raises(carom.ImpactError, match="StruckPoint|points"):
         quadruped.impact_at_points(q, qd, [], (0, 0, 1))
+
+
+@pytest.mark.parametrize("given, words", [
+    (dict(joints=dict(stiffness=1, damping=1, contact_time=1e-3, stifness=3)), "joints has 'stifness'"),
+    (dict(law=carom.Frictionless(0.5), friction=0.3), "friction has no effect: the law 'frictionless' has none"),
+])
+def test_arguments_that_nothing_uses_are_refused(arm, given, words):
+    args = dict(frame="tip", normal=(-1, 0, 0), law=carom.Energetic(0.5, 0.2)) | given
+    with pytest.raises(TypeError, match=words):
+        arm.impact([0.3, 0.4], [1, 1], **args)
+
+
+@pytest.mark.parametrize("given, words", [
+    (dict(sticks=True, friction=0.3), "friction has no effect with sticks=True"),
+    (dict(exponent=1.2), "exponent has no effect under the law 'moreau'"),
+    (dict(law="poisson", relative_stiffness=[1.0]), "relative_stiffness has no effect under the law 'poisson'"),
+])
+def test_arguments_of_several_points_that_nothing_uses_are_refused(arm, given, words):
+    with pytest.raises(carom.ImpactError, match=words):
+        arm.impact_at_points([0.3, 0.4], [1, 1], [("tip", (0, 0, 0))], (-1, 0, 0), **given)

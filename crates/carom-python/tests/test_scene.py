@@ -315,7 +315,7 @@ def test_a_scene_with_other_keys_is_the_scene_of_the_changed_dict():
         ({"run.duration.x": 0.5}, ValueError, "run.duration.x: duration is a float, which has no keys"),
         ({"contact[0].friction": 0.5}, ValueError, r"contact\[0\].friction: contact is no list: leave out \[0\]"),
         ({"robot.mass": {"tibb": 1}}, carom.ChainError, "no link is named 'tibb'; did you mean 'tip'"),
-        ({"robot.mass": {"link1": -1}}, carom.ChainError, "mass of a link is -1: it must be positive"),
+        ({"robot.mass": {"link1": -1}}, carom.ChainError, "mass of link1 is -1: it must be positive"),
         ({1: 2}, TypeError, "the key 1 is not a string"),
         (["run.kp"], TypeError, "changes is not a dict"),
         ({"run.kp": object()}, TypeError, "run.kp is object"),
@@ -686,3 +686,17 @@ def test_wishes_that_have_no_effect_are_refused():
         scene.with_keys({"surface[0]": None})
     with pytest.raises(ValueError, match="duration is no parameter"):
         scene.sensitivity(["run.duration"])
+
+
+def test_durations_and_states_that_do_not_fit_are_refused():
+    scene = carom.Scene.from_file(ROOT / "scenes/bounce.toml")
+    for duration in (-1, 0, np.nan):
+        with pytest.raises(carom.SimulationError, match="duration is"):
+            scene.with_duration(duration)
+    with pytest.raises(ValueError, match="joints is empty"):
+        carom.Scene.from_file(ROOT / "scenes/planar2.toml").feedback(joints=[])
+    # A ball on another floor: as many numbers, but another contact.
+    text = (ROOT / "scenes/bounce.toml").read_text().replace("../robots", str(ROOT / "robots"))
+    other = carom.Scene.from_toml(text.replace('"floor"', '"ground"')).session()
+    with pytest.raises(carom.SimulationError, match="ball on floor.*belongs to another simulation"):
+        other.restore(scene.session().save())

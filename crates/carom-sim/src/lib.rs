@@ -59,7 +59,7 @@ pub use run::{
     Regulator, RunError, Sampling, Seen, Segment, Sensitivity, Session, SessionState, StateError, Statistics,
     StepReason, StopReason, Summary, ToAccuracy, Trajectory,
 };
-pub use scene::{Distribution, Perturbation, Scene};
+pub use scene::{Distribution, Disturbed, Perturbation, Scene};
 pub use state::{ContactImpulse, LinearFunction, Moment, Profile};
 
 // Hidden: what only the command line, the Python package and the studies use.

@@ -229,7 +229,7 @@ fn effort_limits_of_a_scene_replace_those_of_the_urdf() {
         (text("effort = { lift = 30 }", false), "[robot] effort is read with [run] effort_limits = true only"),
         (text("effort = { lfit = 30 }", true), "effort: no joint is named 'lfit'"),
         (text("effort = { hold = 1 }", true), "an effort limit belongs to a joint with one coordinate of its own"),
-        (text("effort = { lift = -1 }", true), "effort: effort limit is -1: it must not be negative"),
+        (text("effort = { lift = -1 }", true), "effort: effort limit of lift is -1: it must not be negative"),
     ] {
         let refused = two_links(&text).unwrap_err().to_string();
         assert!(refused.contains(words), "{refused}");

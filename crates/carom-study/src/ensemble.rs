@@ -227,7 +227,7 @@ impl<'s> Ensemble<'s> {
     pub fn new(scene: &'s Scene, plan: &'s Plan, runs: u64) -> Result<Self, SimError> {
         let refuse = |rule: String| SimError::Scene { file: String::new(), rule };
         let given = scene.perturbation.as_ref().ok_or_else(|| refuse(ALL_THE_SAME.into()))?;
-        let numbers = given.numbers.iter().map(|(path, _)| match scene.number(path) {
+        let numbers = given.numbers.iter().map(|own| match scene.number(&own.path) {
             Err(SimError::Scene { file, rule }) => Err(refuse(format!("[run] perturb.numbers: {file}: {rule}"))),
             number => number,
         });
@@ -320,15 +320,19 @@ impl<'s> Ensemble<'s> {
             let none = DMatrix::zeros(names.len(), names.len());
             if *count == 0 { none } else { squares / (*count.max(&2) - 1) as f64 }
         };
-        let by: Vec<String> =
-            ["q", "qd"].map(String::from).into_iter().chain(self.given.numbers.iter().map(|it| it.0.clone())).collect();
+        let by: Vec<String> = ["q", "qd"]
+            .map(String::from)
+            .into_iter()
+            .chain(self.given.numbers.iter().map(|it| it.path.clone()))
+            .collect();
         let unknown = |rule| SimError::Scene { file: String::new(), rule };
         let columns = Columns::of(self.plan, &by, |path| self.scene.parameter(path), unknown)?;
         let found = columns.of_all(self.plan.sensitivity(self.scene.duration, &columns.parameters)?);
         // Of the numbers of the start that the plan keeps.
         let sizes = self.kept(&self.given.q).into_iter().chain(self.kept(&self.given.qd));
-        let sizes = sizes.chain(self.given.numbers.iter().map(|it| it.1));
-        let deviations: Vec<f64> = sizes.map(|size| self.given.deviation(size)).collect();
+        let of_start = sizes.map(|size| self.given.distribution.deviation(size));
+        let of_numbers = self.given.numbers.iter().map(|it| it.distribution.deviation(it.size));
+        let deviations: Vec<f64> = of_start.chain(of_numbers).collect();
         let linear = found.last_by.map(|mut by| {
             by.column_iter_mut().zip(&deviations).for_each(|(mut column, size)| column *= *size);
             rows(&(&by * by.transpose()))
@@ -422,8 +426,8 @@ impl<'s> Ensemble<'s> {
 
     /// The scene and its plan with these numbers.
     fn changed(&self, numbers: &[f64]) -> Result<(Scene, Plan), SimError> {
-        let paths = self.given.numbers.iter().map(|(path, _)| path);
-        let values: Vec<(String, f64)> = paths.cloned().zip(numbers.iter().copied()).collect();
+        let paths = self.given.numbers.iter().map(|own| own.path.clone());
+        let values: Vec<(String, f64)> = paths.zip(numbers.iter().copied()).collect();
         let mut scene = self.scene.with_values(&values)?;
         // A start of one's own stays, unless the numbers are of the start.
         if (&scene.q, &scene.qd) == (&self.of_file.0, &self.of_file.1) {
@@ -445,7 +449,7 @@ fn columns(scene: &Scene, plan: &Plan, given: &Perturbation) -> Vec<Column> {
     let mut columns = vec![Column::number("run"), Column::word("outcome", OUTCOMES)];
     let of_events = [("impacts", ""), ("first_impact", "s"), ("events", ""), ("same_events", "")];
     columns.extend(of_events.map(|(name, unit)| Column::number(name).in_unit(unit)));
-    columns.extend(given.numbers.iter().map(|(path, _)| Column::number(path)));
+    columns.extend(given.numbers.iter().map(|own| Column::number(&own.path)));
     let of = |moment: &str, it: &Column| Column::number(format!("{moment}.{}", it.name)).in_unit(it.unit);
     columns.extend(whole[1..].iter().map(|it| of("start", it)));
     columns.extend(kept.iter().map(|it| of("end", it)));

@@ -14,13 +14,29 @@ pub(crate) fn text(path: &Path) -> Result<String, String> {
     input::read_text(path, input::MOST_MIB).map_err(|e| format!("cannot be read: {e}"))
 }
 
+/// Keys of scenes that no problem reads.
+const IDLE: [&str; 2] = ["run.sample", "run.perturb"];
+
 /// The scene of a problem in this folder, `with` other values at the paths of keys.
 pub(crate) fn scene(folder: &Path, scene: &Path, with: &toml::Table) -> Result<Scene, SimError> {
     let scene = Scene::from_file(folder.join(scene))?;
+    let nested =
+        |key: &str, own: &str| own.strip_prefix(&format!("{key}.")).is_some_and(|own| with[key].get(own).is_some());
+    let idle = |(key, own): &(&String, &str)| key.starts_with(*own) || nested(key, own);
+    if let Some((_, key)) = with.keys().flat_map(|key| IDLE.map(|own| (key, own))).find(idle) {
+        let rule = format!("with: {key}: the motions of this problem have no samples and no disturbances: remove it");
+        return Err(SimError::Scene { file: scene.files[0].display().to_string(), rule });
+    }
     if with.is_empty() {
         return Ok(scene);
     }
-    let changed = scene.with_entries(with)?;
+    let changed = scene.with_entries(with).map_err(|e| match e {
+        SimError::Scene { file, rule } => {
+            let name = scene.files[0].display();
+            SimError::Scene { file: format!("{name}: with"), rule: format!("{file}: {rule}") }
+        }
+        other => other,
+    })?;
     Ok(Scene { files: scene.files, ..changed })
 }
 
@@ -31,6 +47,9 @@ pub(crate) fn formulas(set: &BTreeMap<String, String>, names: &[&str]) -> Result
         let parsed = FlatEx::<f64>::parse(formula).map_err(|e| refuse(format!("is no formula: {e}")))?;
         match parsed.var_names().iter().find(|name| !names.contains(&name.as_str())) {
             Some(name) => Err(refuse(format!("has the variable '{name}': there are {}", names.join(", ")))),
+            None if parsed.var_names().is_empty() => {
+                Err(refuse(format!("does not depend on {}: give the number in with", names.join(", "))))
+            }
             None => Ok((key.clone(), parsed)),
         }
     });

@@ -203,6 +203,14 @@ fn what_cannot_be_reached_and_wrong_problems_are_told() {
             format!("[[unknown]]\nname = \"a\"\nfirst = 1\nset = {{ \"run.duration\" = \"2*b\" }}\n{height}"),
             "has the variable 'b'",
         ),
+        (
+            format!("[[unknown]]\nname = \"a\"\nfirst = 1\nset = {{ \"run.duration\" = \"2*3\" }}\n{height}"),
+            "does not depend on a: give the number in with",
+        ),
+        (
+            format!("with = {{ \"run.perturb.q\" = 0.1 }}\n{unknown}{height}"),
+            "run.perturb: the motions of this problem",
+        ),
         (format!("[[unknown]]\nname = \"a\"\n{height}"), "needs number"),
         (format!("{unknown}{unknown}{height}"), "occurs twice"),
         (format!("[torque]\njoints = [\"x\"]\nknots = 3\n{height}"), "joints has 'x', which is no joint"),
@@ -219,4 +227,20 @@ fn what_cannot_be_reached_and_wrong_problems_are_told() {
     let problem = Problem::from_file(folder().join("bounce.toml")).unwrap();
     let error = problem.solve_from_many(2, 0, &|| {}).unwrap_err().to_string();
     assert!(error.contains("torque z 1: has no bounds"), "{error}");
+}
+
+/// The bounce takes ½ (1 − e²) m (v² + 2 g h), which is level to first order, and least, at the initial velocity v = 0.
+#[test]
+fn a_level_cost_at_the_start_is_told() {
+    let from = |first: f64| {
+        bounce(&format!(
+            "with = {{ \"robot.qd\" = [{first:?}] }}\n[[unknown]]\nnumber = \"robot.qd[0]\"\nfrom = -1\nto = 1\n\
+             [[cost]]\nvalue = \"-lost\"\ncontact = \"mass\"\n"
+        ))
+        .unwrap()
+    };
+    let level = from(0.0);
+    assert_eq!((level.end, level.steps.len()), (End::Flat, 0));
+    let least = from(-0.5);
+    assert_eq!((least.end, least.unknowns[0].found), (End::Least, -1.0));
 }

@@ -469,6 +469,18 @@ fn wrong_problems_are_refused_with_key_value_and_rule() {
         ("section.contact = \"left_leg\"\norbit.modulo = [\"y\"]", "modulo has 'y'"),
         ("section.contact = \"left_leg\"\norbit.relabel = { left = \"tail\" }", "has no variable 'tail'"),
         ("section.contact = \"left_leg\"\norbit.passages = 0", "passages = 0: it must be 1 or more"),
+        (
+            "section.contact = \"left_leg\"\nwith = { \"run.sample\" = 0.1 }",
+            "run.sample: the motions of this problem have no samples",
+        ),
+        (
+            "section.contact = \"left_leg\"\nwith = { run = { duration = 8, perturb = { q = 0.1 } } }",
+            "run.perturb: the motions of this problem have no samples and no disturbances",
+        ),
+        (
+            "section.contact = \"left_leg\"\nvary = { parameter = \"s\", from = 0, to = 1, set = { \"contact.friction\" = \"0.3\" } }",
+            "does not depend on s: give the number in with",
+        ),
         ("section.contact = \"left_leg\"\norbit.cycle = 3", "unknown field `cycle`"),
         ("section.contact = \"left_leg\"\nvary = { parameter = \"run.speed\", from = 0, to = 1 }", "run.speed"),
     ];

@@ -246,7 +246,7 @@ fn possible(moments: [f64; 3]) -> [f64; 3] {
 pub(super) fn set_inertials(links: &mut [Link], options: &LoadOptions) -> Result<(), ChainError> {
     for (name, &mass) in &options.mass {
         let rule = "only a link with a mass in the file can get another one, because its inertia changes in proportion";
-        let refuse = |rule| ChainError::OutOfRange { what: "mass of a link", value: mass, rule };
+        let refuse = |rule| ChainError::OutOfRange { what: format!("mass of {name}"), value: mass, rule };
         let own = named(links, name)?.inertial.as_mut().filter(|own| own.mass > 0.0).ok_or_else(|| refuse(rule))?;
         if !(mass > 0.0 && mass.is_finite()) {
             return Err(refuse("it must be positive and finite"));
@@ -258,7 +258,7 @@ pub(super) fn set_inertials(links: &mut [Link], options: &LoadOptions) -> Result
         let matrix = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
         let mut moments = matrix.symmetric_eigenvalues();
         moments.as_mut_slice().sort_by(f64::total_cmp);
-        let refuse = |value, rule| ChainError::OutOfRange { what: "inertia of a link", value, rule };
+        let refuse = |value, rule| ChainError::OutOfRange { what: format!("inertia of {name}"), value, rule };
         let rule = "only a link with an <inertial> in the file, which has the centre of mass, can get another inertia";
         let own = named(links, name)?.inertial.as_mut().ok_or_else(|| refuse(xx, rule))?;
         if !(moments.iter().all(|moment| moment.is_finite()) && moments[0] > 0.0) {

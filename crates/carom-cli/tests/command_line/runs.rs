@@ -272,9 +272,12 @@ fn shards_and_resumed_runs_are_the_whole_table() {
 #[test]
 fn disturbed_numbers_have_the_covariance_that_the_derivatives_predict() {
     let desk = Desk::new();
-    let sizes = "{ \"contact.restitution\" = 1e-3, \"run.gravity[1]\" = 1e-3 }";
+    // Uniform between ± √3e-3, whose standard deviation is 1e-3.
+    let most = 3.0_f64.sqrt() * 1e-3;
+    let sizes = format!("{{ \"contact.restitution\" = {most}, \"run.gravity[1]\" = 1e-3 }}");
+    let uniform = "distributions = { \"contact.restitution\" = \"uniform\" }";
     let scene = SCENE.replace("[0.7, 0, 0]", "[0.66, 0, 0]").replace("[-0.2, 0.3]", "[0.2, 1.0]");
-    desk.write("s.toml", format!("{scene}perturb = {{ q = 1e-4, qd = 1e-4, numbers = {sizes} }}\n"));
+    desk.write("s.toml", format!("{scene}perturb = {{ q = 1e-4, qd = 1e-4, numbers = {sizes}, {uniform} }}\n"));
     let runs = 2000;
     let report = desk.one(&format!("simulate s.toml --runs {runs} --covariance --out t.csv --json"));
     assert_eq!((report["refused"].as_u64(), report["other_events"].as_u64()), (Some(0), Some(0)));
@@ -301,12 +304,21 @@ fn disturbed_numbers_have_the_covariance_that_the_derivatives_predict() {
     let restitution = column("contact.restitution");
     let (mean, deviation) = moments(&restitution[1..]);
     assert!((mean - restitution[0]).abs() < 5.0 * 1e-3 / f64::from(runs).sqrt(), "{mean} {}", restitution[0]);
+    let furthest = restitution.iter().map(|x| (x - restitution[0]).abs()).fold(0.0, f64::max);
+    assert!((0.99 * most..=most).contains(&furthest), "{furthest}");
     let (_, of_impact) = moments(&column("first_impact"));
     let predicted = covariance["event_times"][0]["deviation"].as_f64().unwrap();
     for (found, wanted) in [(deviation, 1e-3), (of_impact, predicted)] {
         assert!((found / wanted - 1.0).abs() < 5.0 / (2.0 * f64::from(runs)).sqrt(), "{found} {wanted}");
     }
 
+    desk.write("s.toml", format!("{SCENE}perturb = {{ q = 1e-4, {uniform} }}\n"));
+    let ran = desk.run("simulate s.toml --runs 3");
+    assert!(
+        ran.code == Some(1) && ran.err.contains("contact.restitution, which is not among perturb.numbers"),
+        "{}",
+        ran.err
+    );
     desk.write("s.toml", format!("{SCENE}perturb = {{ numbers = {{ \"contact.restitutoin\" = 1e-3 }} }}\n"));
     let ran = desk.run("simulate s.toml --runs 3");
     assert!(ran.code == Some(1) && ran.err.contains("s.toml: --runs: [run] perturb.numbers: "), "{}", ran.err);

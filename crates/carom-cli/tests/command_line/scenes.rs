@@ -20,6 +20,10 @@ duration = 0.1
 #run
 "#;
 
+/// A box in flight.
+const FREE: &str = "[robot]\nurdf = \"box.urdf\"\nfloating = true\nq = [0, 0, 1, 0, 0, 0, 1]\nqd = [0, 0, 0, 0, 0, 0]\n\
+                    [run]\nduration = 0.1\n";
+
 impl Desk {
     /// The answer of a command to a scene, and its standard error.
     #[track_caller]
@@ -458,12 +462,68 @@ fn wishes_that_have_no_effect_are_refused_with_names() {
     let bounce = std::fs::read_to_string(desk.0.join("scenes/bounce.toml")).unwrap().replace("../robots", "robots");
     let write = |name: &str, text: String| std::fs::write(desk.0.join(name), text).unwrap();
     write("four.toml", bounce.replace("normal = [0, 0, 1]", "normal = [0, 0, 1, 7]"));
+    write("noisy.toml", format!("{bounce}perturb = {{ q = 0.01 }}\n"));
     for (args, told) in [
         ("simulate four.toml", "4 numbers, 3 are needed"),
         ("simulate scenes/bounce.toml --sensitivity --wrt run.duration", "duration is no parameter of the motion"),
         ("simulate scenes/bounce.toml --sensitivity --wrt run.tolerance", "a setting of the computation"),
+        ("simulate scenes/bounce.toml --sensitivity --out -", "--sensitivity is told in the answer"),
+        ("simulate noisy.toml --runs 3 --covariance --out -", "--covariance is told in the answer"),
+        ("simulate noisy.toml --runs 1 --covariance", "--covariance: run 0 is without disturbance"),
     ] {
         let ran = desk.run(args);
         assert!(ran.code == Some(1) && ran.err.contains(told), "{args}: {ran:?}");
     }
+}
+
+/// Values that can't act where they stand.
+#[test]
+fn values_that_exclude_one_another_are_refused() {
+    let desk = Desk::new();
+    let refused = |scene: &str, told: &str| {
+        desk.write("s.toml", scene);
+        let ran = desk.run("simulate s.toml");
+        assert!(
+            ran.code == Some(1) && ran.err.starts_with("error: s.toml: ") && ran.err.contains(told),
+            "{scene}\n{ran:?}"
+        );
+    };
+    for (place, keys, told) in [
+        ("#contact", "latch = true\ncompliance = { stiffness = 1e4 }", "a latch holds a rigid contact point"),
+        ("#run", "model = \"full\"\nneglect = 0.1", "[run] neglect leaves out of the model what has a small effect"),
+        ("#run", "perturb = { seed = 3 }", "[run] perturb disturbs nothing"),
+        ("#run", "perturb = { q = 0, numbers = { \"contact.restitution\" = 0.0 } }", "[run] perturb disturbs nothing"),
+    ] {
+        refused(&at(place, keys), told);
+    }
+    let held = format!("{FREE}controller = \"pd\"\nkp = 10\nkd = 1\ntarget = {{}}\n");
+    refused(&held, "controller = \"pd\" acts on joints with one coordinate, and the robot has none");
+}
+
+/// Values that nothing in the scene uses.
+#[test]
+fn values_that_nothing_uses_are_warned_of() {
+    let desk = Desk::new();
+    for (place, keys, told) in [
+        (
+            "#contact",
+            "[[contact.pair]]\nlink = \"tip\"",
+            "[[contact.pair]] link = \"tip\": gives its contacts no value",
+        ),
+        (
+            "#contact",
+            "relative_stiffness = 2",
+            "relative_stiffness: only the law of several contacts \"energetic\" uses it",
+        ),
+        (
+            "#run",
+            "method = \"steps\"\nmax_step = 0.1",
+            "[run] max_step: method = \"steps\" has steps of contact_step only",
+        ),
+    ] {
+        let (_, said) = desk.told("simulate", &at(place, keys));
+        assert!(said.contains(told), "{keys}: {said}");
+    }
+    let (_, said) = desk.told("simulate", &format!("{FREE}[contact]\nlimit_restitution = 0.5\n"));
+    assert_eq!(said, "warning: s.toml: limit_restitution: no joint of this scene has limits that act\n");
 }

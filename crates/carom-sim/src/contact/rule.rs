@@ -56,6 +56,8 @@ impl ContactRule {
             let rule = "compliant contacts have one coefficient for all approach speeds: give a number, or compliance = \"rigid\"";
             check(self.compliance.is_none(), "restitution by speed, at most", e, rule)?;
         }
+        let rule = "a latch holds a rigid contact point, and this contact is compliant: leave out latch, or set compliance = \"rigid\"";
+        check(!self.latch || self.compliance.is_none(), "latch", 1.0, rule)?;
         self.compliance.map_or(Ok(()), |compliance| compliance.check(&self.law, touch))
     }
 }

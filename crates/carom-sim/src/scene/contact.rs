@@ -60,17 +60,27 @@ pub(crate) fn warnings(
 ) -> impl Iterator<Item = String> {
     let own = surfaces.iter().map(|surface| &surface.contact);
     let all: Vec<&ContactKeys> = own.chain(contact.pair.iter().map(|Table((_, pair))| pair)).chain([whole]).collect();
-    unused(&all, touches).into_iter().chain(frictionless_by_default(&all, touches))
+    let frictionless = frictionless_by_default(&all, touches);
+    unused(&all, contact, touches).chain(frictionless)
 }
 
-/// A warning if the scene gives `tangential_restitution` and no contact has a law that uses it.
-fn unused(all: &[&ContactKeys], touches: &[Touch]) -> Option<String> {
-    let given = all.iter().filter_map(|keys| keys.tangential_restitution).any(|value| value != 0.0);
+/// Warnings about values that no contact of the scene uses.
+fn unused(all: &[&ContactKeys], contact: &Contact, touches: &[Touch]) -> impl Iterator<Item = String> + use<> {
     let uses = |law: &str| LawInfo::named(law).is_some_and(|law| law.has("tangential_restitution"));
-    let used = touches.iter().any(|touch| uses(touch.contact.law.name()));
-    (given && !used).then(|| {
-        "tangential_restitution: only the law \"chatterjee-ruina\" uses it, and no contact of this scene has it".into()
-    })
+    let tangential = all.iter().filter_map(|keys| keys.tangential_restitution).any(|value| value != 0.0)
+        && !touches.iter().any(|touch| uses(touch.contact.law.name()));
+    let stiffness = all.iter().any(|keys| keys.relative_stiffness.is_some())
+        && !matches!(contact.several, SeveralLaw::Energetic { .. });
+    let limits = contact.limit_restitution != 0.0 && !touches.iter().any(|touch| touch.limit_of().is_some());
+    let found = [
+        (
+            tangential,
+            "tangential_restitution: only the law \"chatterjee-ruina\" uses it, and no contact of this scene has it",
+        ),
+        (stiffness, "relative_stiffness: only the law of several contacts \"energetic\" uses it ([contact] several)"),
+        (limits, "limit_restitution: no joint of this scene has limits that act"),
+    ];
+    found.into_iter().filter_map(|(unused, why)| unused.then(|| why.to_owned()))
 }
 
 /// A warning if rigid contacts have friction and the frictionless law, and the scene chooses no law.

@@ -104,6 +104,11 @@ impl Drives<'_> {
     }
 
     fn gains(&self) -> Result<[Gains; 2], String> {
+        if motors(self.chain).is_empty() {
+            return Err(
+                self.refuse("acts on joints with one coordinate, and the robot has none: choose another controller")
+            );
+        }
         let gains = |key: &str, value| match self.given(key, value)? {
             PerJoint::Same(gain) => Ok(Gains::Same(*gain)),
             each => per_joint(key, each, self.chain).map(Gains::Each).map_err(|why| format!("{} {why}", self.table)),
@@ -170,6 +175,10 @@ impl Drives<'_> {
             let (times, rows) = Columns::named(path, &wanted)?.pick(&wanted, optional, "number")?;
             match rows.iter().zip(&times).find(|(row, _)| row[0] < 0.0 || row[0].fract() != 0.0) {
                 Some((row, time)) => Err(format!("impacts = {} at the time {time}: it must be a whole number", row[0])),
+                // Gains are the last columns; one that is left out is zero.
+                None if rows.iter().all(|row| row[1 + chain.nq() + chain.nv()..].iter().all(|gain| *gain == 0.0)) => {
+                    Err("has no gain that is not zero: give columns gain.JOINT.q.JOINT, gain.JOINT.qd.JOINT".into())
+                }
                 None => Ok((times, rows)),
             }
         })?;

@@ -200,6 +200,7 @@ key_group! {
         numbers: BTreeMap<String, f64>,
         seed: u64,
         distribution: Distribution,
+        distributions: BTreeMap<String, Distribution>,
     }
 
     /// The keys of a controller, of `[run]` or of one `[[robot]]`.

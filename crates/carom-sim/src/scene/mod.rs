@@ -16,7 +16,7 @@ mod surface;
 mod table;
 mod toml;
 
-pub use perturb::{Distribution, Perturbation};
+pub use perturb::{Distribution, Disturbed, Perturbation};
 #[doc(hidden)]
 pub use robots::Body;
 #[doc(hidden)]
@@ -158,11 +158,14 @@ impl Scene {
         left_out.extend(linked.left_out);
         for Table((pair, own)) in &contact.pair {
             let met = apply((pair, own), &chain, &surfaces, &mut touches);
-            if !met.map_err(|why| refuse(format!("[[contact.pair]] {why}")))? {
+            let met = met.map_err(|why| refuse(format!("[[contact.pair]] {why}")))?;
+            let idle = own.given.is_empty() && pair.closes_while.is_none() && !pair.disabled;
+            let why = if met { "gives its contacts no value" } else { "applies to no contact of this scene" };
+            if idle || !met {
                 let named = [("link", &pair.link), ("surface", &pair.surface), ("joint", &pair.joint)];
                 let named = named.iter().filter_map(|(key, name)| Some(format!("{key} = \"{}\"", name.as_ref()?)));
                 let named: Vec<String> = named.collect();
-                warnings.push(format!("[[contact.pair]] {}: applies to no contact of this scene", named.join(", ")));
+                warnings.push(format!("[[contact.pair]] {}: {why}", named.join(", ")));
             }
         }
         let touches = Touch::divided(touches);
@@ -193,10 +196,22 @@ impl Scene {
                 None => Ok(vec![0.0; chain.nv()]),
             };
             let (q, qd) = (size("perturb.q", &given.q)?, size("perturb.qd", &given.qd)?);
-            let numbers: Vec<(String, f64)> = given.numbers.clone().into_iter().collect();
-            let sizes = q.iter().chain(&qd).chain(numbers.iter().map(|(_, size)| size));
+            let own = |path: &str| given.distributions.get(path).copied().unwrap_or(given.distribution);
+            let numbers = given.numbers.iter();
+            let numbers: Vec<Disturbed> = numbers
+                .map(|(path, size)| Disturbed { path: path.clone(), size: *size, distribution: own(path) })
+                .collect();
+            if let Some(path) = given.distributions.keys().find(|path| !given.numbers.contains_key(*path)) {
+                return Err(format!(
+                    "perturb.distributions has {path}, which is not among perturb.numbers: add its size"
+                ));
+            }
+            let sizes = q.iter().chain(&qd).chain(numbers.iter().map(|own| &own.size));
             match sizes.into_iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
                 Some(x) => Err(format!("perturb has the size {x}: it must be finite and not negative")),
+                None if q.iter().chain(&qd).all(|size| *size == 0.0) && numbers.iter().all(|own| own.size == 0.0) => {
+                    Err("perturb disturbs nothing: give q, qd or numbers sizes above 0, or remove it".into())
+                }
                 None => Ok(Perturbation { q, qd, numbers, seed: given.seed, distribution: given.distribution }),
             }
         });
@@ -204,6 +219,16 @@ impl Scene {
         if run.neglect.is_some_and(|share| !(share > 0.0 && share < 1.0)) {
             let share = run.neglect.unwrap_or_default();
             return Err(refuse(format!("[run] neglect = {share}: it must be above 0 and below 1")));
+        }
+        if full && run.neglect.is_some() {
+            let why = "[run] neglect leaves out of the model what has a small effect, and model = \"full\" keeps all: give one of them";
+            return Err(refuse(why.into()));
+        }
+        if run.method == Method::Steps {
+            let idle = [("max_step", run.max_step.is_some()), ("zeno_time", run.zeno_time.is_some())];
+            let idle = idle.iter().filter(|(_, given)| *given);
+            warnings
+                .extend(idle.map(|(key, _)| format!("[run] {key}: method = \"steps\" has steps of contact_step only")));
         }
         let tip = robots.tip().map_err(refuse)?;
         if let Some(sample) = run.sample.filter(|sample| !(*sample > 0.0 && sample.is_finite())) {

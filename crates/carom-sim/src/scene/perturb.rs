@@ -12,10 +12,21 @@ pub struct Perturbation {
     pub q: Vec<f64>,
     /// Size of the change of each number of qd, rad/s, m/s.
     pub qd: Vec<f64>,
-    /// Other numbers of the scene by the paths of their keys, with the sizes of their changes, in their units.
-    pub numbers: Vec<(String, f64)>,
+    /// Other numbers of the scene.
+    pub numbers: Vec<Disturbed>,
     /// Seed of the random numbers.
     pub seed: u64,
+    /// What the sizes of `q` and `qd` mean.
+    pub distribution: Distribution,
+}
+
+/// A disturbed number of a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Disturbed {
+    /// The path of its key.
+    pub path: String,
+    /// Size of its changes, in its unit.
+    pub size: f64,
     /// What size means.
     pub distribution: Distribution,
 }
@@ -44,10 +55,10 @@ impl Perturbation {
         if run == 0 {
             return Ok((q.to_vec(), qd.to_vec()));
         }
-        let mut draw = self.draws(run);
-        let displaced: Vec<f64> = self.q.iter().map(|size| size * draw()).collect();
+        let (mut draw, own) = (self.draws(run), self.distribution);
+        let displaced: Vec<f64> = self.q.iter().map(|size| size * draw(own)).collect();
         let moved = chain.integrate(q, &displaced, 1.0)?;
-        Ok((moved, qd.iter().zip(&self.qd).map(|(v, size)| v + size * draw()).collect()))
+        Ok((moved, qd.iter().zip(&self.qd).map(|(v, size)| v + size * draw(own)).collect()))
     }
 
     /// The changes of [`numbers`](Self::numbers) in a run; none in run 0.
@@ -57,30 +68,32 @@ impl Perturbation {
         }
         let mut draw = self.draws(run);
         // After those of the start, which do not depend on them.
-        (0..self.q.len() + self.qd.len()).for_each(|_| _ = draw());
-        self.numbers.iter().map(|(_, size)| size * draw()).collect()
-    }
-
-    /// The standard deviation of a disturbance of this size.
-    pub fn deviation(&self, size: f64) -> f64 {
-        match self.distribution {
-            Distribution::Normal => size,
-            Distribution::Uniform => size / 3.0_f64.sqrt(),
-        }
+        (0..self.q.len() + self.qd.len()).for_each(|_| _ = draw(self.distribution));
+        self.numbers.iter().map(|own| own.size * draw(own.distribution)).collect()
     }
 
     /// Random numbers of size 1, which depend on seed and run only, so that runs are independent of their order.
-    fn draws(&self, run: u64) -> impl FnMut() -> f64 {
+    fn draws(&self, run: u64) -> impl FnMut(Distribution) -> f64 {
         let mut random = fastrand::Rng::with_seed(self.seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ run);
         random.u64(..);
-        let distribution = self.distribution;
-        move || match distribution {
+        move |distribution| match distribution {
             Distribution::Uniform => 2.0 * random.f64() - 1.0,
             // Box and Muller's transformation; 1 − x is not zero.
             Distribution::Normal => {
                 let radius = (-2.0 * (1.0 - random.f64()).ln()).sqrt();
                 radius * (std::f64::consts::TAU * random.f64()).cos()
             }
+        }
+    }
+}
+
+#[doc(hidden)]
+impl Distribution {
+    /// The standard deviation of a disturbance of this size.
+    pub fn deviation(self, size: f64) -> f64 {
+        match self {
+            Self::Normal => size,
+            Self::Uniform => size / 3.0_f64.sqrt(),
         }
     }
 }

@@ -100,6 +100,8 @@ pub enum End {
     Met,
     /// The cost does not decrease to first order.
     Least,
+    /// As least, at the start: there it may as well be the greatest, or level.
+    Flat,
     /// At a kink or jump of the motion, as where an event appears, no shorter step decreases the cost.
     Kink,
     /// After the greatest number of steps.
@@ -112,6 +114,10 @@ impl End {
         match self {
             Self::Met => "all conditions are met",
             Self::Least => "all conditions are met, at a least cost nearby",
+            Self::Flat => {
+                "all conditions are met; at the start no unknown changes the cost to first order, which is a least, a greatest or a \
+                 level place: try other values of first, or many starts"
+            }
             Self::Kink => {
                 "all conditions are met; at a kink or jump of the motion, where no shorter step lowers the cost"
             }

@@ -179,7 +179,9 @@ impl Problem {
             let cost = self.cost(&here.values);
             let scale = if met { cost.abs() } else { weight * miss };
             if solved.promised <= LEAST * scale && solved.d.amax() < 0.5 * radius {
-                break met.then_some(End::Least);
+                let level = steps.is_empty() && self.cost_slope(&here).amax() <= LEAST * cost.abs();
+                let flat = level && (bends || cost > 0.0);
+                break met.then_some(if flat { End::Flat } else { End::Least });
             }
             let merit = |values: &Values| self.cost(values) + weight * self.misses(values).iter().sum::<f64>();
             let at = |d: &DVector<f64>| -> Vec<f64> {
