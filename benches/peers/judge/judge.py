@@ -36,12 +36,14 @@ def adapters():
     found = {name: [python, here(f"with_{name.split('-')[-1].removeprefix('py')}.py")] for name in
              ("carom", "mujoco", "drake", "pybullet", "dart", "pinocchio", "mjx", "mujoco-warp", "newton")}
     found["drake-discrete"] = [*found["drake"], "--discrete"]
+    found["drake-cenic"] = [*found["drake"], "--cenic"]
     found["siconos"] = ["/usr/bin/python3", here("with_siconos.py")]
     found["rapier"] = [os.environ.get("RAPIER", "target/peers/rapier/release/judge")]
     return found
 
 
-ORDER = ("carom", "siconos", "pinocchio", "drake", "drake-discrete", "mujoco", "mjx", "mujoco-warp", "newton", "pybullet", "dart", "rapier")
+ORDER = ("carom", "siconos", "pinocchio", "drake", "drake-discrete", "drake-cenic", "mujoco", "mjx", "mujoco-warp", "newton", "pybullet",
+         "dart", "rapier")
 
 
 class Adapter:

@@ -1,6 +1,7 @@
-"""Writes the page and the picture of the judge: page.py judge.json judge_gradients.json page.md OUT.md OUT.svg."""
+"""Writes the page and the picture of the judge: page.py judge.json judge_gradients.json judge_accuracy.json page.md OUT.md OUT.svg."""
 
 import json
+import math
 import os
 import sys
 
@@ -141,7 +142,37 @@ def methods(told):
     return "| engine | derivatives |\n| --- | --- |\n" + "\n".join(lines)
 
 
-def page(told, derived, template, path):
+PROGRAMS = {"drake-cenic": "CENIC", "drake": "RK3", "carom": "carom"}
+
+
+def obtained(accuracy):
+    """Error obtained for an accuracy asked, and the processor time of the cheapest run below an error: a line for each scene."""
+    asked = {"drake-cenic": (1e-3, 1e-6), "drake": (1e-3, 1e-6), "carom": (1e-6, 1e-10)}
+    plain = lambda number: f"{number:.1e}".replace("e-0", "e-").replace("e+0", "e")
+    run = {(row["scene"], row["engine"], round(math.log10(row["asked"]))): row for row in accuracy["runs"]}
+    heads = [f"{PROGRAMS[engine]}, {one:.0e}".replace("e-0", "e-") for engine, both in asked.items() for one in both]
+    lines = ["| scene | " + " | ".join(heads) + " |", "| --- |" + " --- |" * len(heads)]
+    for about in accuracy["scenes"]:
+        rows = [run[about["scene"], engine, round(math.log10(one))] for engine, both in asked.items() for one in both]
+        lines.append(f"| {about['title']} | " + " | ".join(plain(row["own"]) if "own" in row else "failed" for row in rows) + " |")
+    return "\n".join(lines)
+
+
+def times_to(accuracy, limits=(1e-3, 1e-6)):
+    """The processor time of the cheapest run of each program whose error is below a limit."""
+    heads = [f"{name}, ≤ {limit:.0e}".replace("e-0", "e-") for limit in limits for name in PROGRAMS.values()]
+    lines = ["| scene | " + " | ".join(heads) + " |", "| --- |" + " --- |" * len(heads)]
+    for about in accuracy["scenes"]:
+        cells = []
+        for limit in limits:
+            for engine in PROGRAMS:
+                found = [row["seconds"] for row in accuracy["runs"] if (row["scene"], row["engine"]) == (about["scene"], engine) and row.get("own", math.inf) <= limit]
+                cells.append(f"{float(f'{1e3 * min(found):.2g}'):g}" if found else "none")
+        lines.append(f"| {about['title']} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def page(told, derived, accuracy, template, path):
     machine = told["machine"]
     engines = [about for about in told["engines"] if "missing" not in about]
     with open(template) as file:
@@ -152,7 +183,7 @@ def page(told, derived, template, path):
     settings = "| engine | contact law | default | best | source of the settings |\n| --- | --- | --- | --- | --- |\n" + settings
     missing = "".join(f"\n- not run: {about['engine']}: {about['missing']}" for about in told["engines"] if "missing" in about)
     text = text.format(
-        engines=len(engines), cases=len(told["cases"]), refine=told["refine"], best=table(told, "best"), default=table(told, "default"),
+        obtained=obtained(accuracy), times=times_to(accuracy), engines=len(engines), cases=len(told["cases"]), refine=told["refine"], best=table(told, "best"), default=table(told, "default"),
         counts=counts(told), refusals=refusals(told), list=listed(told),
         derivatives=table(derived, "best", differentiated(derived)), measured=measured(derived), methods=methods(derived), derived=listed(derived, "####"), settings=settings + ("\n" + missing if missing else ""),
         machine=f"{machine['cpu']}, {machine['cores']} cores, {machine['system']}. No case uses random numbers. "
@@ -162,10 +193,12 @@ def page(told, derived, template, path):
 
 
 if __name__ == "__main__":
-    source, gradients, template, out, drawing = sys.argv[1:]
+    source, gradients, accuracies, template, out, drawing = sys.argv[1:]
     with open(source) as file:
         told = json.load(file)
     with open(gradients) as file:
         derived = json.load(file)
+    with open(accuracies) as file:
+        accuracy = json.load(file)
     picture(told, drawing)
-    page(told, derived, template, out)
+    page(told, derived, accuracy, template, out)

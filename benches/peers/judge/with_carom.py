@@ -40,7 +40,7 @@ def start(scene):
     return q, qd
 
 
-def toml(request, interval):
+def toml(request, interval, tolerance):
     scene, (q, qd) = request["scene"], start(request["scene"])
     contact = scene["contact"]
     lines = ["[robot]", 'urdf = "robot.urdf"', f"q = {numbers(q)}", f"qd = {numbers(qd)}", f'tip = "{scene["bodies"][0]["name"]}"']
@@ -51,7 +51,7 @@ def toml(request, interval):
         lines.append(f"limit_restitution = {contact['limit_restitution']!r}")
     if scene["pairs"]:
         lines.append("links = [" + ", ".join(f'["{a}", "{b}"]' for a, b in scene["pairs"]) + "]")
-    lines += ["[run]", f"duration = {request['times'][-1]!r}", f"tolerance = {TOLERANCE[request['settings']]!r}",
+    lines += ["[run]", f"duration = {request['times'][-1]!r}", f"tolerance = {tolerance!r}",
               f"gravity = {numbers(scene['gravity'])}", f"sample = {interval!r}"]
     return "\n".join(lines) + "\n"
 
@@ -67,7 +67,7 @@ def answer(request):
         with open(at("robot.urdf"), "w") as file:
             file.write(urdf(whole, world="world"))
         with open(at("scene.toml"), "w") as file:
-            file.write(toml(request, interval))
+            file.write(toml(request, interval, TOLERANCE[request["settings"]]))
         run = subprocess.run([CAROM, "simulate", at("scene.toml"), "--csv", at("motion.csv")], capture_output=True, text=True)
         if run.returncode:
             raise Refused(run.stderr.strip().splitlines()[-1].replace(folder + "/", ""))
@@ -110,7 +110,7 @@ def gradient(request):
         def scene_at(point):
             scene = derivatives.put(request["scene"], request["by"], map(float, point))
             whole = dict(request, scene=scene)
-            text, shape = toml(whole, request["times"][-1]), urdf(scene["bodies"], world="world")
+            text, shape = toml(whole, request["times"][-1], TOLERANCE[request["settings"]]), urdf(scene["bodies"], world="world")
             if steered:
                 # Constant in each piece: two rows of a table of the motors' forces, whose numbers are parameters.
                 shape, pieces, length = sliders(scene["bodies"]), scene["force"]["pieces"], request["times"][-1] / len(scene["force"]["pieces"])
@@ -188,4 +188,5 @@ def gradient(request):
                                  tolerance=TOLERANCE[request["settings"]])
 
 
-serve(ABOUT, answer, gradient)
+if __name__ == "__main__":
+    serve(ABOUT, answer, gradient)

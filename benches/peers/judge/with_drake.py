@@ -1,4 +1,5 @@
-"""Drake: compliant contacts (Hunt & Crossley); `default` is discrete, `best` continuous with error control, or discrete with --discrete."""
+"""Drake: compliant contacts (Hunt & Crossley); `default` is discrete, `best` continuous with error control. With --discrete both are
+discrete, with --cenic both are continuous, integrated by CENIC."""
 
 import itertools
 import logging
@@ -12,6 +13,8 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.geometry import (
     AddContactMaterial, Box, CollisionFilterDeclaration, GeometrySet, HalfSpace, ProximityProperties, Sphere)
 from pydrake.math import RigidTransform
+from pydrake.multibody.cenic import CenicIntegrator  # noqa: F401: without it the integrator has no Python class
+from pydrake.multibody.contact_solvers import IcfSolverParameters
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, DiscreteContactApproximation
@@ -23,14 +26,26 @@ import common
 import derivatives
 
 logging.getLogger("drake").setLevel(logging.ERROR)
-DISCRETE = "--discrete" in sys.argv
+DISCRETE, CENIC = "--discrete" in sys.argv, "--cenic" in sys.argv
 STEP = {"default": 1e-3, "best": 1e-4}
 SOURCE = "drake.mit.edu, MultibodyPlant, Contact modeling; drake.mit.edu/doxygen_cxx/group__compliant__contact.html"
-ABOUT = {"engine": "drake-discrete" if DISCRETE else "drake", "version": version("drake"), "law": "Hunt & Crossley, regularised Coulomb", "settings": {
-    "default": {"method": "discrete, step 1 ms, kLagged (default), default stiffness and dissipation; restitution is not expressible", "source": SOURCE},
-    "best": {"method": "discrete, step 0.1 ms, kLagged, stiffness for a contact of 100 steps, dissipation that gives e at the case's speed, boxes as spheres at their corners" if DISCRETE else
-             "continuous, RK3 with accuracy 1e-9, stiffness for a contact of 0.1 ms, dissipation that gives e at the case's speed, boxes as spheres at their corners", "source": SOURCE}}}
+CHOSEN = "dissipation that gives e at the case's speed, boxes as spheres at their corners"
+METHODS = {
+    "drake": ("discrete, step 1 ms, kLagged (default)", f"continuous, RK3 with accuracy 1e-9, stiffness for a contact of 0.1 ms, {CHOSEN}"),
+    "drake-discrete": ("discrete, step 1 ms, kLagged (default)", f"discrete, step 0.1 ms, kLagged, stiffness for a contact of 100 steps, {CHOSEN}"),
+    "drake-cenic": ("continuous, CENIC with accuracy 1e-3 (its default), steps to 0.1 s (default)",
+                    f"continuous, CENIC with accuracy 1e-11, steps to 2 µs, stiffness for a contact of 0.1 ms, {CHOSEN}")}
+NAME = "drake-discrete" if DISCRETE else "drake-cenic" if CENIC else "drake"
+SOURCE += "; drake.mit.edu/doxygen_cxx/classdrake_1_1multibody_1_1_cenic_integrator.html" if CENIC else ""
+ABOUT = {"engine": NAME, "version": version("drake"), "law": "Hunt & Crossley, regularised Coulomb", "settings": {
+    "default": {"method": f"{METHODS[NAME][0]}, default stiffness and dissipation; restitution is not expressible", "source": SOURCE},
+    "best": {"method": METHODS[NAME][1], "source": SOURCE}}}
+if CENIC:
+    ABOUT["no derivatives"] = "CENIC solves its steps in double precision only (its source: 'ICF solver only supports T = double')"
 HALF_PERIOD = 1e-4  # of the contact in the continuous plant, s
+# CENIC: accuracy and longest step. Its contacts in a step are those that overlap at the start of the step, so that the first contact is
+# found late by up to half a step: with 1/50 of the contact's duration the energy is wrong by (π/100)² or less.
+CENIC_CONTROL = {"default": (1e-3, 0.1), "best": (1e-11, 2e-6)}
 
 
 def material(scene, half_period):
@@ -88,42 +103,72 @@ def plant_of(scene, step, half_period):
     return builder.Build(), plant
 
 
+def put(scene, plant, context):
+    """Sets the start of the scene."""
+    for body, own, rate in parts(scene, scene["start"]["q"], scene["start"]["qd"]):
+        if body["joint"] == "free":
+            x, y, z, w = own[3:]
+            here = plant.GetBodyByName(body["name"])
+            plant.SetFloatingBaseBodyPoseInWorldFrame(context, here, RigidTransform(Quaternion(np.array([w, x, y, z]) / np.linalg.norm(own[3:])), own[:3]))
+            velocity = SpatialVelocity(np.array(rate[3:], float), np.array(rate[:3], float))
+            plant.SetFreeBodySpatialVelocity(context=context, body=here, V_JpJc=velocity)
+            continue
+        joint = plant.GetJointByName(f"{body['name']}_joint")
+        if body["joint"] == "hinge":
+            joint.set_angle(context, own[0])
+            joint.set_angular_rate(context, rate[0])
+        else:
+            joint.set_translation(context, own[0])
+            joint.set_translation_rate(context, rate[0])
+
+
+def state(scene, plant, context):
+    q, qd = [], []
+    for body in scene["bodies"]:
+        if body["joint"] == "free":
+            here = plant.GetBodyByName(body["name"])
+            pose, velocity = here.EvalPoseInWorld(context), here.EvalSpatialVelocityInWorld(context)
+            w, x, y, z = pose.rotation().ToQuaternion().wxyz()
+            q += [*pose.translation(), x, y, z, w]
+            qd += [*velocity.translational(), *velocity.rotational()]
+        else:
+            joint = plant.GetJointByName(f"{body['name']}_joint")
+            q.append(joint.GetOnePosition(context))
+            qd.append(joint.GetOneVelocity(context))
+    return {"q": floats(q), "qd": floats(qd)}
+
+
 def answer(request):
     scene, best = request["scene"], request["settings"] == "best"
     if has_limits(scene) and scene["contact"].get("limit_restitution", 0.0) > 0.0:
         raise Refused("joint limits have no coefficient of restitution")
     if not best and restitution_asked(scene) > 0.0:
         raise Refused("it has no coefficient of restitution by default (dissipation instead); see the setting best")
-    continuous = best and not DISCRETE
-    if continuous and has_limits(scene):
+    continuous = CENIC or best and not DISCRETE
+    if continuous and has_limits(scene) and not CENIC:
         raise Refused("joint limits are ignored by the continuous plant (documented)")
     step = request.get("step") or STEP[request["settings"]]
     # Refinement of the continuous plant is a stiffer, shorter contact.
-    half_period = None if not best else HALF_PERIOD * step / STEP["best"] if continuous else max(100.0, 1 / math.sqrt(step)) * step
+    half_period = None if not best else HALF_PERIOD if CENIC else HALF_PERIOD * step / STEP["best"] if continuous else max(100.0, 1 / math.sqrt(step)) * step
     diagram, plant = plant_of(scene, 0.0 if continuous else step, half_period)
     simulator = Simulator(diagram)
-    if continuous:
+    used = {"step": step} | ({"half period of contact": half_period} if best else {})
+    if CENIC:
+        # Refinement is a tighter accuracy: of a method of first order with a local error of second order, errors fall with its root.
+        accuracy, longest = CENIC_CONTROL[request["settings"]]
+        used |= {"accuracy": accuracy * step / STEP[request["settings"]], "longest step": longest}
+        integrator = ResetIntegratorFromFlags(simulator, "cenic", used["longest step"])
+        integrator.set_target_accuracy(used["accuracy"])
+        # Its solver stops at a thousandth of the accuracy, but by default not below 1e-8.
+        integrator.SetSolverParameters(IcfSolverParameters(min_tolerance=1e-15))
+    elif continuous:
         ResetIntegratorFromFlags(simulator, "runge_kutta3", 1e-3)
         integrator = simulator.get_mutable_integrator()
         # A longer step that meets a contact is rejected by the error control.
         integrator.set_maximum_step_size(2e-3)
         integrator.set_target_accuracy(1e-9)
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-    bodies = {body["name"]: plant.GetBodyByName(body["name"]) for body in scene["bodies"]}
-    joints = {name: plant.GetJointByName(f"{name}_joint") for name, body in zip(bodies, scene["bodies"]) if body["joint"] != "free"}
-    for body, own, rate in parts(scene, scene["start"]["q"], scene["start"]["qd"]):
-        name = body["name"]
-        if body["joint"] == "free":
-            x, y, z, w = own[3:]
-            plant.SetFloatingBaseBodyPoseInWorldFrame(context, bodies[name], RigidTransform(Quaternion(np.array([w, x, y, z]) / np.linalg.norm(own[3:])), own[:3]))
-            velocity = SpatialVelocity(np.array(rate[3:], float), np.array(rate[:3], float))
-            plant.SetFreeBodySpatialVelocity(context=context, body=bodies[name], V_JpJc=velocity)
-        elif body["joint"] == "hinge":
-            joints[name].set_angle(context, own[0])
-            joints[name].set_angular_rate(context, rate[0])
-        else:
-            joints[name].set_translation(context, own[0])
-            joints[name].set_translation_rate(context, rate[0])
+    put(scene, plant, context)
     simulator.Initialize()
     made = 0
 
@@ -133,21 +178,7 @@ def answer(request):
         # An update takes place at the start of a step: half a step before the end, so that a rounded time makes no step more or less.
         simulator.AdvanceTo(made * step if continuous else (made - 0.5) * step)
 
-    def state():
-        q, qd = [], []
-        for body in scene["bodies"]:
-            name = body["name"]
-            if body["joint"] == "free":
-                pose, velocity = bodies[name].EvalPoseInWorld(context), bodies[name].EvalSpatialVelocityInWorld(context)
-                w, x, y, z = pose.rotation().ToQuaternion().wxyz()
-                q += [*pose.translation(), x, y, z, w]
-                qd += [*velocity.translational(), *velocity.rotational()]
-            else:
-                q.append(joints[name].GetOnePosition(context))
-                qd.append(joints[name].GetOneVelocity(context))
-        return {"q": floats(q), "qd": floats(qd)}
-
-    return {"states": march(request, step, advance, state), "used": {"step": step} | ({"half period of contact": half_period} if best else {})}
+    return {"states": march(request, step, advance, lambda: state(scene, plant, context)), "used": used}
 
 
 def gradient(request):
@@ -198,4 +229,5 @@ def gradient(request):
     return derivatives.reply(request, value, slope, "AutoDiffXd (forward mode)", step=step)
 
 
-serve(ABOUT, answer, gradient)
+if __name__ == "__main__":
+    serve(ABOUT, answer, None if CENIC else gradient)
