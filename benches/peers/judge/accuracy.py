@@ -290,7 +290,7 @@ def carom(case, tolerance):
         with open(at("robot.urdf"), "w") as file:
             file.write(urdf(bodies, world="world"))
 
-        text = toml({"scene": world, "times": times}, times[0], tolerance) + "perturb = { q = 0.0 }\n"
+        text = toml({"scene": world, "times": times}, times[0], tolerance) + "perturb = { q = 1e-300 }\n"
         if case["compliant"]:
             text += f"[contact.compliance]\nstiffness = {stiffness(case)!r}\nexponent = 1\nslip_speed = {SLIP_SPEED!r}\n"
         with open(at("scene.toml"), "w") as file:

@@ -205,6 +205,7 @@ impl ContactProblem {
     ///     StateError: a wrong shape.
     ///     ImpactError: an unknown law; friction under "energetic"; arguments that the law does not use.
     #[pyo3(signature = (*, law="moreau", tolerance=1e-12, max_iterations=2000, start=None, relative_stiffness=None, exponent=None))]
+    #[allow(clippy::too_many_arguments)]
     fn solve(
         &self,
         py: Python<'_>,

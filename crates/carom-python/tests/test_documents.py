@@ -30,7 +30,7 @@ def test_the_first_impact_of_the_readme_has_five_lines_and_runs(capsys):
     assert printed == shown
 
 
-PAGES = ["python", "task-many-runs", "task-loop", "task-optimise", "task-gradients", "task-own-simulator", "coming-from"]
+PAGES = ["python", "task-many-runs", "task-loop", "task-optimise", "task-gradients", "task-own-simulator", "task-fclib", "coming-from"]
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_every_snippet_of_a_page_runs(path, monkeypatch, tmp_path):
     monkeypatch.setenv("MPLBACKEND", "agg")
     names, found = {"__name__": "__main__"}, snippets(path)
     assert found
-    for library in ("scipy", "pinocchio", "mujoco", "dask"):
+    for library in ("scipy", "pinocchio", "mujoco", "dask", "carom.fclib"):
         if f"from {library}" in "".join(found) or f"import {library}" in "".join(found):
             pytest.importorskip(library)
     for snippet in found:

@@ -80,7 +80,7 @@ fn unused(all: &[&ContactKeys], contact: &Contact, touches: &[Touch]) -> impl It
         (stiffness, "relative_stiffness: only the law of several contacts \"energetic\" uses it ([contact] several)"),
         (limits, "limit_restitution: no joint of this scene has limits that act"),
     ];
-    found.into_iter().filter_map(|(unused, why)| unused.then(|| why.to_owned()))
+    found.into_iter().filter(|(unused, _)| *unused).map(|(_, why)| why.to_owned())
 }
 
 /// A warning if rigid contacts have friction and the frictionless law, and the scene chooses no law.
