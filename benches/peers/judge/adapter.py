@@ -1,4 +1,4 @@
-"""Shared by the adapters in Python: the loop of the protocol, and the scene as URDF. The protocol is described in README.md.
+"""Shared by the adapters in Python: the loop of the protocol, and the scene as URDF. The protocol is described in protocol.md.
 
 An adapter calls `serve(about, answer)`; `answer(request)` returns {"states": [...], "used": {...}} or raises `Refused`. With
 `serve(about, answer, gradient)` it has derivatives, too: `gradient(request)` returns the answer of derivatives.py.
@@ -11,7 +11,8 @@ import os
 import signal
 import sys
 
-sys.path.insert(1, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))  # common.py and symbolic.py of the peers
+# common.py and symbolic.py of the peers; last, since above a copy of this file there is any folder.
+sys.path.append(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 BUDGET = 120  # longest processor time for one answer, s
 

@@ -134,8 +134,9 @@ def bounce(h, e, g, t):
     return 0.0
 
 
-MATHS = {name: getattr(math, name) for name in ("sqrt", "sin", "cos", "pi", "hypot", "log")} | {
-    "abs": abs, "max": max, "min": min, "sum": sum, "range": range, "norm": np.linalg.norm, "array": np.array, "bounce": bounce, "steered": closed.steered}
+MATHS = {name: getattr(math, name) for name in ("sqrt", "sin", "cos", "asin", "pi", "hypot", "log")} | {
+    "abs": abs, "max": max, "min": min, "sum": sum, "range": range, "norm": np.linalg.norm, "array": np.array, "bounce": bounce} | {
+    name: getattr(closed, name) for name in ("steered", "jacobi", "quarter", "near", "planar_impact")}
 
 
 class Seen:

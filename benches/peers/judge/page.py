@@ -176,6 +176,10 @@ def times_to(accuracy, limits=(1e-3, 1e-6)):
 def page(told, derived, accuracy, template, path):
     machine = told["machine"]
     engines = [about for about in told["engines"] if "missing" not in about]
+    with open(os.path.join(os.path.dirname(template), "protocol.md")) as file:
+        # What adapters are asked and answer: its rules and the format of cases stand elsewhere on the page.
+        protocol = file.read()
+    protocol = protocol[protocol.index("**First line"):protocol.index("\n\n## Verdicts")]
     with open(template) as file:
         text = file.read()
     settings = "\n".join(
@@ -184,7 +188,7 @@ def page(told, derived, accuracy, template, path):
     settings = "| engine | contact law | default | best | source of the settings |\n| --- | --- | --- | --- | --- |\n" + settings
     missing = "".join(f"\n- not run: {about['engine']}: {about['missing']}" for about in told["engines"] if "missing" in about)
     text = text.format(
-        obtained=obtained(accuracy), times=times_to(accuracy), engines=len(engines), cases=len(told["cases"]), refine=told["refine"], best=table(told, "best"), default=table(told, "default"),
+        protocol=protocol, obtained=obtained(accuracy), times=times_to(accuracy), engines=len(engines), cases=len(told["cases"]), refine=told["refine"], best=table(told, "best"), default=table(told, "default"),
         counts=counts(told), refusals=refusals(told), list=listed(told),
         derivatives=table(derived, "best", differentiated(derived)), measured=measured(derived), methods=methods(derived), derived=listed(derived, "####"), settings=settings + ("\n" + missing if missing else ""),
         machine=f"{machine['cpu']}, {machine['cores']} cores, {machine['system']}. No case uses random numbers. "
