@@ -225,7 +225,9 @@ impl Simulate {
         let printed = Printed::of(tables.chain(named.iter().filter_map(|(_, path)| *path)), self.json)?;
         let unprinted = [("--sensitivity", self.sensitivity), ("--covariance", self.covariance)];
         if let Some((option, _)) = unprinted.iter().find(|(_, asked)| *asked && printed.is_asked()) {
-            let why = format!("{option} is told in the answer, and standard output has a table: give this a file");
+            let why = format!(
+                "{option} is part of the answer, which a table on standard output replaces: give the table a file"
+            );
             return Err(CliError::Option(why));
         }
         let files = named.map(|(option, path)| (option, path.filter(|path| *path != Path::new("-"))));

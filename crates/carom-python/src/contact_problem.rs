@@ -65,15 +65,15 @@ const fn numbers(constraint: &Constraint) -> [f64; 3] {
 /// Friction, restitution and bound of a constraint that has none.
 const NONE: [f64; 3] = [0.0, 0.0, f64::INFINITY];
 
-/// A number of each constraint: one for all, or one for each.
-fn each(what: &str, given: Given, count: usize) -> PyResult<Vec<f64>> {
+/// A number of each constraint: one for all, or one for each; and whether it was one for all.
+fn each(what: &str, given: Given, count: usize) -> PyResult<(Vec<f64>, bool)> {
     let rows = Numbers::read(what, given)?.scalars(what)?;
     match rows.count() {
         Some(found) if found != count => {
             let why = format!("{what} has {found} numbers for {count} constraints: give one for each, or one for all");
             Err(StateError::new_err(why))
         }
-        _ => Ok((0..count).map(|k| rows.plain().row(k)[0]).collect()),
+        found => Ok(((0..count).map(|k| rows.plain().row(k)[0]).collect(), found.is_none())),
     }
 }
 
@@ -139,48 +139,40 @@ impl ContactProblem {
             )));
         }
         let kinds = kinds.unwrap_or_else(|| vec![KINDS[0].to_owned(); n / 3]);
+        if let Some(k) = kinds.iter().position(|kind| !KINDS.contains(&kind.as_str())) {
+            let why = format!("kinds[{k}] is '{}': the kinds are {}", kinds[k], KINDS.join(", "));
+            return Err(ImpactError::new_err(why));
+        }
         let column = |what: &str, given: Maybe, which: usize, of: &[&str]| {
-            let Some(given) = given else { return Ok(vec![0.0; kinds.len()]) };
-            let all = each(what, given, kinds.len())?;
-            // One number is that of the constraints that have such a number.
-            let one = Numbers::read(what, given)?.shape().is_empty();
-            let has = |k: usize| of.contains(&kinds[k].as_str());
-            let without = |k: &usize| !has(*k) && all[*k] != 0.0 && all[*k] != NONE[which];
-            let idle = if one {
-                !kinds.is_empty() && !(0..kinds.len()).any(has)
-            } else {
-                (0..kinds.len()).any(|k| without(&k))
-            };
-            if !idle {
-                return Ok(all);
+            let Some(given) = given else { return Ok(vec![NONE[which]; kinds.len()]) };
+            let (all, is_one) = each(what, given, kinds.len())?;
+            let has = |k: &usize| of.contains(&kinds[*k].as_str());
+            let idle = (0..kinds.len()).find(|k| !has(k) && all[*k] != 0.0 && all[*k] != NONE[which]);
+            // One number for all is that of the constraints that have one.
+            match idle.filter(|_| !(is_one && (0..kinds.len()).any(|k| has(&k)))) {
+                Some(k) => Err(ImpactError::new_err(format!(
+                    "{what} is {} for constraint {k}, which is a '{}': only '{}' has one",
+                    all[k],
+                    kinds[k],
+                    of.join("' and '")
+                ))),
+                None => Ok(all),
             }
-            let (k, of) = ((0..kinds.len()).find(without).unwrap_or(0), of.join(" and "));
-            Err(ImpactError::new_err(format!(
-                "{what} is {} for constraint {k}, a '{}': only {of} have it",
-                all[k], kinds[k]
-            )))
         };
         let friction = column("friction", friction, 0, &KINDS[..1])?;
         let restitution = column("restitution", restitution, 1, &KINDS[..2])?;
         let bound = column("bounds", bounds, 2, &KINDS[2..3])?;
-        let mut constraints = Vec::new();
-        for (k, kind) in kinds.iter().enumerate() {
-            let (friction, restitution, bound) = (friction[k], restitution[k], bound[k]);
-            constraints.push(match kind.as_str() {
-                "contact" => Constraint::Contact { restitution, friction },
-                "stop" => Constraint::Stop { restitution },
-                "dry" if bounds.is_none() => {
-                    let why = format!("kinds[{k}] is 'dry': give bounds, the largest impulses of dry friction");
-                    return Err(ImpactError::new_err(why));
-                }
-                "dry" => Constraint::Dry { bound },
-                "held" => Constraint::Held,
-                other => {
-                    let known = KINDS.join(", ");
-                    return Err(ImpactError::new_err(format!("kinds[{k}] is '{other}': the kinds are {known}")));
-                }
-            });
+        if let Some(k) = kinds.iter().position(|kind| kind == KINDS[2]).filter(|_| bounds.is_none()) {
+            let why = format!("kinds[{k}] is '{}': give bounds, the largest impulses of dry friction", KINDS[2]);
+            return Err(ImpactError::new_err(why));
         }
+        let made = |(k, kind): (usize, &String)| match KINDS.iter().position(|known| known == kind) {
+            Some(0) => Constraint::Contact { restitution: restitution[k], friction: friction[k] },
+            Some(1) => Constraint::Stop { restitution: restitution[k] },
+            Some(2) => Constraint::Dry { bound: bound[k] },
+            _ => Constraint::Held,
+        };
+        let constraints = kinds.iter().enumerate().map(made).collect();
         let before = u_minus.map_or_else(|| Ok(free.clone()), |given| vector("u_minus", given, n))?;
         let problem = SeveralProblem::new(DMatrix::from_row_slice(n, n, matrix.slice()), before, constraints);
         let problem = problem.and_then(|problem| problem.with_free_velocity(free)).map_err(raise)?;
@@ -226,8 +218,10 @@ impl ContactProblem {
             return Err(ImpactError::new_err(why));
         }
         let count = problem.constraints().len();
-        let stiffnesses = relative_stiffness
-            .map_or_else(|| Ok(vec![1.0; count]), |given| each("relative_stiffness", given, count))?;
+        let stiffnesses = relative_stiffness.map_or_else(
+            || Ok(vec![1.0; count]),
+            |given| Ok::<_, PyErr>(each("relative_stiffness", given, count)?.0),
+        )?;
         let start = start.map(|given| vector("start", given, problem.u_free().len())).transpose()?;
         let accuracy = Accuracy { tolerance, max_iterations };
         let found = py.detach(|| law.solve(problem, &stiffnesses, &accuracy, start.as_ref())).map_err(raise)?;

@@ -101,10 +101,10 @@ def test_a_step_of_a_scene_is_the_solution_of_its_problem():
     (dict(friction=[0.1, 0.2]), "friction has 2 numbers for 1 constraints"),
     (dict(friction=-0.1), "friction"),
     (dict(restitution=2.0), "restitution"),
-    (dict(kinds=["stop"] * 3, friction=0.5), "friction is 0.5 for constraint 0, a 'stop': only contact have it"),
+    (dict(kinds=["stop"] * 3, friction=0.5), "friction is 0.5 for constraint 0, which is a 'stop': only 'contact' has one"),
     (dict(kinds=["stop", "dry", "held"]), "give bounds"),
     (dict(kinds=["stop", "glue", "held"]), r"kinds\[1\] is 'glue': the kinds are contact, stop, dry, held"),
-    (dict(bounds=1.0), "bounds is 1 for constraint 0, a 'contact'"),
+    (dict(bounds=1.0), "bounds is 1 for constraint 0, which is a 'contact'"),
     (dict(u_minus=[0, 0]), r"u_minus has the shape \(2,\)"),
 ])
 def test_wrong_problems_are_refused_by_name(given, words):
@@ -125,8 +125,7 @@ def test_wrong_wishes_for_a_solution_are_refused_by_name(given, words):
         carom.ContactProblem(np.eye(3), [0, 0, -1.0]).solve(**given)
 
 
-def test_steps_that_are_no_times_are_refused(step=(0.0, -1e-3, np.nan, np.inf)):
-    session = carom.Scene.from_file(ROOT / "scenes/bounce.toml").session()
-    for one in step:
-        with pytest.raises(carom.SimulationError, match="step"):
-            session.contact_problem(one)
+@pytest.mark.parametrize("step", [0.0, -1e-3, np.nan, np.inf])
+def test_a_step_that_is_no_time_is_refused(step):
+    with pytest.raises(carom.SimulationError, match="step"):
+        carom.Scene.from_file(ROOT / "scenes/bounce.toml").session().contact_problem(step)

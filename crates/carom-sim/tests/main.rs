@@ -5,6 +5,7 @@ mod beams;
 mod by_speed;
 mod census;
 mod censuses;
+mod closed_gradients;
 mod closes_while;
 mod compliant;
 mod compliant_sets;

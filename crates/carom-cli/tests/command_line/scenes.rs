@@ -467,8 +467,8 @@ fn wishes_that_have_no_effect_are_refused_with_names() {
         ("simulate four.toml", "4 numbers, 3 are needed"),
         ("simulate scenes/bounce.toml --sensitivity --wrt run.duration", "duration is no parameter of the motion"),
         ("simulate scenes/bounce.toml --sensitivity --wrt run.tolerance", "a setting of the computation"),
-        ("simulate scenes/bounce.toml --sensitivity --out -", "--sensitivity is told in the answer"),
-        ("simulate noisy.toml --runs 3 --covariance --out -", "--covariance is told in the answer"),
+        ("simulate scenes/bounce.toml --sensitivity --out -", "--sensitivity is part of the answer"),
+        ("simulate noisy.toml --runs 3 --covariance --out -", "--covariance is part of the answer"),
         ("simulate noisy.toml --runs 1 --covariance", "--covariance: run 0 is without disturbance"),
     ] {
         let ran = desk.run(args);

@@ -285,11 +285,6 @@ impl Constraints {
         Ok(problem.with_free_velocity(u_free.clone())?)
     }
 
-    /// [`Self::excess`] of the velocities before a time step, and of those after it without impulses.
-    pub fn before_and_free(&self, v: &DVector<f64>, free: &DVector<f64>) -> [DVector<f64>; 2] {
-        [v, free].map(|v| self.excess(v.as_slice()))
-    }
-
     /// The smallest change x of velocities, in the metric of M, with R x = `errors`: M⁻¹Rᵀ π on independent rows.
     pub fn least(&self, responses: &Rows, errors: &[f64]) -> Vec<f64> {
         let mut x = vec![0.0; responses.iter().next().map_or(0, <[f64]>::len)];

@@ -263,9 +263,14 @@ impl<A: Space> Follow<'_, '_, A> {
             later += (time - after.time) * (weight / h);
         }
         // Of a smooth outcome the second differences at one and two steps are as 1 : 4, at a kink as 1 : 2, at a jump as 1 : 1.
-        // At an end of a range there is one side, whose kink is not seen.
-        let bends = [1, 0].map(|k| (&found[k].0 + &found[3 - k].0 - middle * 2.0).amax() / h);
-        if !stencil.is_one_sided() && bends[0] > KINK * moved.amax().max(1.0) && bends[1] < 3.0 * bends[0] {
+        // On one side of the place those of the first and of the last three motions are equal, unless the place itself is at a jump.
+        let second = |a: &DVector<f64>, b: &DVector<f64>, c: &DVector<f64>| (a + c - b * 2.0).amax() / h;
+        let (bends, least) = if stencil.is_one_sided() {
+            ([0, 1].map(|k| second(&found[k].0, &found[k + 1].0, &found[k + 2].0)), 1.0 / 3.0)
+        } else {
+            ([1, 0].map(|k| second(&found[k].0, middle, &found[3 - k].0)), 3.0)
+        };
+        if bends[0] > KINK * moved.amax().max(1.0) && bends[1] < least * bends[0] {
             return self
                 .broken(before.time, "neighbouring motions have other events at the same time, in another order");
         }

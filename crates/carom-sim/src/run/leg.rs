@@ -89,7 +89,10 @@ pub(crate) fn leg(
         // Order 8 takes a third of the steps of order 5.
         _ => accuracy.tolerance >= EQUAL && (accuracy.short || statistics.steps <= steps + STEPS / 9),
     };
+    let left = end - observer.reached;
     let (stalled, step) = match ended {
+        // No step is shorter than the rounding of the time: what is left is none.
+        Err(SimError::Integration { .. }) if left <= ROUNDING * end.abs() => (None, None),
         Err(SimError::Integration { reason, .. }) => (Some(reason), None),
         done => (None, Some(done?.step)),
     };
@@ -284,14 +287,32 @@ mod tests {
     }
 
     fn run_all(gaps: impl Fn(f64) -> Vec<GuardValue>, end: f64, integrator: Integrator) -> (LegEnd, Statistics, f64) {
+        run_from(gaps, (0.0, end), integrator)
+    }
+
+    fn run_from(
+        gaps: impl Fn(f64) -> Vec<GuardValue>,
+        (start, end): (f64, f64),
+        integrator: Integrator,
+    ) -> (LegEnd, Statistics, f64) {
         let mut flow = Clock { gaps, latest: 0.0 };
         let accuracy =
             Accuracy { tolerance: 1e-9, max_step: 1.0, integrator, patience: None, first_step: None, short: false };
         let mut statistics = Statistics::default();
         let sampling = Sampling::default();
         let mut sampler = Sampler { sampling, sizes: (1, 0), count: 0, until: 0.0, watch: &mut |_| {}, path: None };
-        let found = leg(&mut flow, 0.0, &[1.0], end, accuracy, &mut statistics, &mut sampler).unwrap();
+        let found = leg(&mut flow, start, &[1.0], end, accuracy, &mut statistics, &mut sampler).unwrap();
         (found, statistics, flow.latest)
+    }
+
+    /// No integrator makes a step of the rounding of the time: what is left is none.
+    #[test]
+    fn a_leg_that_has_reached_its_end_to_rounding_has_ended() {
+        for integrator in [Integrator::DormandPrince, Integrator::Radau] {
+            let end = 1.0_f64.next_up();
+            let (found, ..) = run_from(|_| vec![GuardValue::gap((1.0, 0.0), ROUNDING)], (1.0, end), integrator);
+            assert_eq!((found.time, found.fired, found.stalled), (end, None, None), "{integrator:?}");
+        }
     }
 
     /// A gap 0.1 − x² + 1.1 x³ with x = 1 − t/T closes within the step of length T and is stationary, open, at its end.

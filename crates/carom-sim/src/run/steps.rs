@@ -86,6 +86,8 @@ struct Posed {
     /// The rows of the impulses, and the responses to them.
     table: Constraints,
     responses: Rows,
+    /// The velocities along the rows, relative to the surfaces: at its start, and at its end without impulses.
+    u: [DVector<f64>; 2],
 }
 
 impl<A: Space> Run<'_, '_, A> {
@@ -303,8 +305,7 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// The contact problem of a time step of this length, s, as [`Self::time_step`] poses it.
     pub fn contact_problem(&mut self, step: f64) -> Result<SeveralProblem, SimError> {
-        let Posed { v, free, table, responses, .. } = self.posed(step)?;
-        let u = table.before_and_free(&v, &free);
+        let Posed { table, responses, u, .. } = self.posed(step)?;
         let laws = table.laws(self.motion.sim, &self.motion.active.dry, step, Some(&u[0]));
         table.problem(&responses, laws, u.each_ref())
     }
@@ -375,7 +376,8 @@ impl<A: Space> Run<'_, '_, A> {
             let rows = table.rows.iter().zip(responses.iter_mut());
             rows.for_each(|(row, response)| closed.bind_response(row, response));
         }
-        Ok(Posed { middle, there, contacts, bends, mass, v, free, table, responses })
+        let u = [&v, &free].map(|v| table.excess(v.as_slice()));
+        Ok(Posed { middle, there, contacts, bends, mass, v, free, table, responses, u })
     }
 
     /// One time step of this length, s.
@@ -383,13 +385,12 @@ impl<A: Space> Run<'_, '_, A> {
         let sim = self.motion.sim;
         let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
         let start = self.time;
-        let Posed { middle, mut there, mut contacts, bends, mass, v, free, table, responses } = self.posed(step)?;
+        let Posed { middle, mut there, mut contacts, bends, mass, v, free, table, responses, u } = self.posed(step)?;
         let (q, qd) = self.q_qd();
         let (middle_time, open) = (start + step / 2.0, table.contacts.is_empty());
         let mut next = free.clone();
         let mut fall = 0.0_f64;
         if !table.rows.is_empty() {
-            let u = table.before_and_free(&v, &free);
             fall = (&u[0] - &u[1]).amax() * step;
             let guess = guess(&table, &self.history.stepped, step);
             let laws = table.laws(sim, &self.motion.active.dry, step, Some(&u[0]));

@@ -206,10 +206,10 @@ impl Scene {
                     "perturb.distributions has {path}, which is not among perturb.numbers: add its size"
                 ));
             }
-            let sizes = q.iter().chain(&qd).chain(numbers.iter().map(|own| &own.size));
-            match sizes.into_iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
+            let mut sizes = q.iter().chain(&qd).chain(numbers.iter().map(|own| &own.size));
+            match sizes.clone().find(|x| !(x.is_finite() && **x >= 0.0)) {
                 Some(x) => Err(format!("perturb has the size {x}: it must be finite and not negative")),
-                None if q.iter().chain(&qd).all(|size| *size == 0.0) && numbers.iter().all(|own| own.size == 0.0) => {
+                None if sizes.all(|size| *size == 0.0) => {
                     Err("perturb disturbs nothing: give q, qd or numbers sizes above 0, or remove it".into())
                 }
                 None => Ok(Perturbation { q, qd, numbers, seed: given.seed, distribution: given.distribution }),

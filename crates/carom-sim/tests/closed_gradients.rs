@@ -1,0 +1,217 @@
+//! Derivatives of whole runs against closed forms.
+
+use carom_impact::Newton;
+use carom_sim::{ContactRule, Drive, Gains, Parameter, Pd, Scene, Simulation, Touch};
+use carom_testing::build::{self, Part, X, Y, Z, chain, falling_ball};
+use carom_testing::scenes::{changed, newton, on_floor, with_robots};
+use nalgebra::{DMatrix, Vector3};
+
+/// A ball of radius 0.1 m on a vertical slider over the floor z = 0.
+pub fn ball(contact: ContactRule) -> Simulation {
+    on_floor(falling_ball(), contact)
+}
+
+/// Dropped from the height h, with v = √(2 g h) and s = T − v/g the ball is at e v s − g s²/2 after its first bounce. Its
+/// derivatives by h, e and the initial velocity in closed form; a difference of the drop without the event would be 1 by h.
+#[test]
+fn the_final_height_of_a_bouncing_ball_has_its_closed_form_gradient() {
+    let (g, e, h, end) = (9.81_f64, 0.7, 0.8, 0.6);
+    let sim = ball(ContactRule::new(Newton { restitution: e, friction: 0.0 }));
+    let found = sim.sensitivity(&[h + 0.1], &[0.0], end, &[Parameter::restitution()]).unwrap();
+    let v = (2.0 * g * h).sqrt();
+    let s = end - v / g;
+    let by_v = e * s - (e * v - g * s) / g; // of the height, by v, with ds/dv = −1/g
+    // A start upwards with u: v = √(2gh + u²), and the impact is later by u/g to first order.
+    let exact = [by_v * g / v, -(e * v - g * s) / g, v * s];
+    let own = found.last_by.unwrap();
+    for (j, exact) in exact.iter().enumerate() {
+        assert!((own[(0, j)] - exact).abs() < 1e-11, "{}: {} against {exact}", found.names[j], own[(0, j)]);
+    }
+    assert!((found.events[0].time - v / g).abs() < 1e-12 && (found.events[0].time_by[0] - 1.0 / v).abs() < 1e-11);
+}
+
+/// A block that friction holds beside the ball, which the impact does not move, takes no digit from these derivatives.
+#[test]
+fn a_joint_at_rest_elsewhere_does_not_change_the_gradient_of_a_bouncing_ball() {
+    let (g, e, h, end) = (9.81_f64, 0.7, 0.8, 0.6);
+    let falls =
+        Part::slider("ball", "base", Z).limits(-9.0, 9.0, 0.0).weighing(2.0, [0.008; 3]).shaped(&build::ball(0.1));
+    let block = Part::slider("block", "base", X).limits(-9.0, 9.0, 0.0).joint("<dynamics friction='3'/>");
+    let pair = chain(&[falls, block.weighing(2.0, [0.01; 3]).at([0.0, 5.0, 5.0])]);
+    let sim = on_floor(pair, ContactRule::new(Newton { restitution: e, friction: 0.0 }));
+    let by = sim.sensitivity(&[h + 0.1, 0.0], &[0.0; 2], end, &[]).unwrap().last_by.unwrap();
+    let v = (2.0 * g * h).sqrt();
+    let s = end - v / g;
+    let by_v = e * s - (e * v - g * s) / g;
+    for (j, exact) in [(0, by_v * g / v), (2, -(e * v - g * s) / g)] {
+        assert!((by[(0, j)] - exact).abs() < 1e-11, "{j}: {:e}", by[(0, j)] - exact);
+    }
+}
+
+/// The same with dry friction of 3 N on the slider of the ball, which the impact turns: a ball of 2 kg falls with g − 1.5 and rises with g + 1.5.
+/// Far from the zero of the slider differences of its position lose digits, and the gradient has all of them.
+#[test]
+fn a_bounce_that_turns_dry_friction_has_its_closed_form_gradient() {
+    let (g, e, h, end, slowed) = (9.81_f64, 0.7, 0.8, 0.6, 1.5);
+    for away in [0.0, 1000.0] {
+        let falls = Part::slider("ball", "base", Z).limits(-9.0, 1009.0, 0.0).joint("<dynamics friction='3'/>");
+        let falls = falls.weighing(2.0, [0.008; 3]).at([0.0, 0.0, -away]).shaped(&build::ball(0.1));
+        let sim = on_floor(chain(&[falls]), ContactRule::new(Newton { restitution: e, friction: 0.0 }));
+        let start = [away + h + 0.1];
+        let by = sim.sensitivity(&start, &[0.0], end, &[Parameter::restitution()]).unwrap().last_by.unwrap();
+        let (down, up) = (g - slowed, g + slowed);
+        let v = (2.0 * down * h).sqrt();
+        let s = end - v / down;
+        let by_v = e * s - (e * v - up * s) / down;
+        for (j, exact) in [(0, by_v * down / v), (2, v * s)] {
+            let apart = by[(0, j)] - exact;
+            assert!(apart.abs() < 1e-11, "{j}, {away} m away: {apart:e}");
+        }
+    }
+}
+
+/// The last impacts before an accumulation are slow, and the errors of their times are divided by their speed: the derivative by the height is
+/// right to 1e-5 of its size, or it is not a number. With v₀ = √(2 g h), impact n is at (1 + 2 (e + … + eⁿ)) v₀/g.
+#[test]
+fn times_of_the_last_impacts_before_rest_have_right_derivatives_or_none() {
+    let (g, e, h) = (9.81_f64, 0.6, 0.3);
+    let sim = ball(ContactRule::new(Newton { restitution: e, friction: 0.0 }));
+    let found = sim.sensitivity(&[h + 0.1], &[0.0], 1.5, &[]).unwrap();
+    let (mut told, mut faint, mut bounces, mut power) = (0, 0, 0.0, 1.0);
+    for event in found.events.iter().filter(|event| event.kinds.contains(&"impact")) {
+        // d√(2 g h)/dh / g.
+        let exact = (1.0 + 2.0 * bounces) / (2.0 * g * h).sqrt();
+        power *= e;
+        bounces += power;
+        if event.time_by[0].is_nan() {
+            faint += 1;
+        } else {
+            told += 1;
+            assert!((event.time_by[0] - exact).abs() < 1e-8 * exact, "{event:?}, {exact}");
+        }
+    }
+    assert!(told > 5 && faint > 0, "{told} told, {faint} not");
+}
+
+/// Two equal balls on a line exchange their velocities: the final velocity of each is the initial one of the other.
+#[test]
+fn an_elastic_pair_exchanges_its_gradients() {
+    let body = |name: &str| Part::slider(name, "base", X).weighing(1.0, [0.004; 3]).shaped(&build::ball(0.1));
+    let chain = chain(&[body("one"), body("other")]);
+    let touches = Touch::between(&chain, "one", "other", &newton(1.0, 0.0)).unwrap();
+    let sim = Simulation::new(chain, touches);
+    // They meet at (1 − 0.2)/2 s; then one stands at the place of the meeting less the radius.
+    let found = sim.sensitivity(&[0.0, 1.0], &[2.0, 0.0], 1.0, &[]).unwrap();
+    let own = found.last_by.unwrap();
+    // Positions after: x₁ = y + v₂ T − 0.2, x₂ = x + v₁ T + 0.2.
+    let exact = DMatrix::from_row_slice(4, 4, &[0., 1., 0., 1., 1., 0., 1., 0., 0., 0., 0., 1., 0., 0., 1., 0.]);
+    assert!((&own - &exact).amax() < 1e-11, "{own}");
+}
+
+/// A parameter of a user: gravity. The time of the fall is √(2h/g).
+#[test]
+fn a_users_parameter_is_differentiated() {
+    let sim = ball(ContactRule::default());
+    let gravity = Parameter::new("gravity", 10.0, |sim, delta| sim.gravity.z -= delta);
+    let found = sim.sensitivity(&[0.6], &[0.0], 0.5, &[gravity]).unwrap();
+    let time = (2.0 * 0.5 / 9.81_f64).sqrt();
+    assert!((found.events[0].time_by[2] + 0.5 * time / 9.81).abs() < 1e-9, "{:?}", found.events);
+    assert_eq!(found.names, ["q jl1", "qd jl1", "gravity"]);
+}
+
+/// A block of 2 kg on a slider with dry friction of 3 N.
+fn slider() -> Simulation {
+    let block = Part::slider("block", "base", X).limits(-9.0, 9.0, 0.0).joint("<dynamics friction='3'/>");
+    let chain = chain(&[block.weighing(2.0, [0.01; 3])]);
+    Simulation { tolerance: 1e-10, ..Simulation::new(chain, Vec::new()) }
+}
+
+/// A slider that dry friction stops: with the deceleration a the place is q + v²/2a and the time v/a, whatever follows.
+#[test]
+fn a_slider_that_friction_stops_has_the_derivatives_of_its_closed_form() {
+    let sim = slider();
+    let (v, a) = (1.2, 3.0 / 2.0);
+    let found = sim.sensitivity(&[0.1], &[v], 1.0 + v / a, &[]).unwrap();
+    assert!((found.last.q[0] - 0.1 - v * v / (2.0 * a)).abs() < 1e-9);
+    let by = found.last_by.expect("derivatives of the end");
+    let expected = DMatrix::from_row_slice(2, 2, &[1.0, v / a, 0.0, 0.0]);
+    assert!((&by - &expected).amax() < 1e-7, "{by} {expected}");
+    assert!((found.events[0].time_by[1] - 1.0 / a).abs() < 1e-7, "{:?}", found.events);
+}
+
+/// A slider at rest that the force F moves against dry friction f has the derivatives of starts in its direction; those in the other
+/// one are braked first, and end with the slope (F − f)/(F + f) by their velocity.
+#[test]
+fn a_slider_that_begins_to_move_at_the_start_has_the_derivatives_of_the_side_of_its_motion() {
+    let sim = Simulation { gravity: Vector3::new(2.5, 0.0, 0.0), ..slider() };
+    let (f, force, end, h) = (3.0, 5.0, 0.5, 1e-4);
+    let by = sim.sensitivity(&[0.1], &[0.0], end, &[]).unwrap().last_by.unwrap();
+    let expected = DMatrix::from_row_slice(2, 2, &[1.0, end, 0.0, 1.0]);
+    assert!((&by - &expected).amax() < 1e-7, "{by} {expected}");
+    let speed = |start: f64| sim.run(&[0.1], &[start], end).unwrap().summary.last.qd[0];
+    for (start, slope) in [(h, 1.0), (-h, (force - f) / (force + f))] {
+        assert!(((speed(start) - speed(0.0)) / start - slope).abs() < 1e-7, "{start}");
+    }
+}
+
+/// Closed form: a hinge that a stiff controller holds at its target is at rest, with the longest steps, and the motion beside it is a damped
+/// oscillation of hundreds of rad/s: x″ = −(k x + d x′)/I.
+#[test]
+fn a_motion_at_rest_has_the_derivatives_of_the_fast_one_beside_it() {
+    let inertia = 0.1;
+    let arm = chain(&[Part::hinge("arm", "base", Y).weighing(1.0, [inertia; 3])]);
+    for (k, d, time) in [(2e4, 20.0, 0.1), (2e4, 20.0, 1.0), (2e3, 10.0, 0.25), (50.0, 40.0, 2.0)] {
+        let (kp, kd, target) = (Gains::Same(k), Gains::Same(d), vec![0.3]);
+        let drive = Drive::Pd(Pd { kp, kd, target });
+        let sim = Simulation { gravity: Vector3::zeros(), drive, ..Simulation::new(arm.clone(), Vec::new()) };
+        let found = sim.sensitivity(&[0.3], &[0.0], time, &[]).unwrap();
+        let (a, w) = (d / (2.0 * inertia), k / inertia - (d / (2.0 * inertia)).powi(2));
+        // cos and sin, or cosh and sinh, of √|w| t.
+        let root = w.abs().sqrt();
+        let (c, s) = if w > 0.0 {
+            ((root * time).cos(), (root * time).sin() / root)
+        } else {
+            ((root * time).cosh(), (root * time).sinh() / root)
+        };
+        let decay = (-a * time).exp();
+        let exact = [[c + a * s, s], [-k / inertia * s, c - a * s]].map(|row| row.map(|x| decay * x));
+        let by = found.last_by.unwrap();
+        for (i, row) in exact.iter().enumerate() {
+            for (j, exact) in row.iter().enumerate() {
+                // In units in which both coordinates of the oscillation have the same size.
+                let unit = [1.0, (k / inertia).sqrt()];
+                let error = (by[(i, j)] - exact).abs() * unit[j] / unit[i];
+                assert!(error < 1e-7, "k {k}, d {d}, {time} s, {i} {j}: {} for {exact}", by[(i, j)]);
+            }
+        }
+    }
+}
+
+/// Restitution 1 and friction 0 have neighbours on one side only: the derivatives there are those on this side.
+#[test]
+fn numbers_at_an_end_of_their_range_have_the_derivative_on_the_side_that_there_is() {
+    let by = |scene: &Scene, path: &str, duration: f64| {
+        let found = scene.plan().unwrap().sensitivity(duration, &[scene.parameter(path).unwrap()]).unwrap();
+        assert!(found.broken.is_none(), "{path}: {:?}", found.broken);
+        found.last_by.unwrap().column(12).into_owned()
+    };
+    let elastic = changed("bounce", &[("restitution = 0.8", "restitution = 1")]);
+    // From 1 m: z = e v (T − t) − ½ g (T − t)².
+    let (g, end) = (9.81_f64, 0.8);
+    let (strike, speed) = ((2.0 / g).sqrt(), (2.0 * g).sqrt());
+    let found = by(&elastic, "contact.restitution", end);
+    for (k, expected) in [(2, speed * (end - strike)), (8, speed)] {
+        assert!((found[k] - expected).abs() < 1e-8, "{k}: {} {expected}", found[k]);
+    }
+    // A box that slides: ẋ = 1 − μ g t.
+    let slides = with_robots(
+        "[robot]\nurdf = \"box.urdf\"\nfloating = true\nq = [0, 0, 0.025, 0, 0, 0, 1]\nqd = [1, 0, 0, 0, 0, 0]\n\
+         [[surface]]\nshape = { halfspace = { point = [0, 0, 0], normal = [0, 0, 1] } }\n\
+         [contact]\nlaw = \"newton\"\nfriction = 0\n[run]\nduration = 0.2\n",
+    )
+    .unwrap();
+    let found = by(&slides, "contact.friction", 0.2);
+    for (k, expected) in [(0, -0.5 * g * 0.04), (6, -g * 0.2)] {
+        assert!((found[k] - expected).abs() < 1e-8, "{k}: {} {expected}", found[k]);
+    }
+}
