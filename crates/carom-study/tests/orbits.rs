@@ -211,14 +211,15 @@ pub fn wheel(inertia: f64) -> String {
 #[test]
 fn the_rimless_wheel_rolls_as_its_closed_form() {
     let (alpha, slope, g) = (PI / 8.0, 0.1_f64, 9.81);
-    for inertia in [0.02, 0.2] {
+    // Newton's steps lead to the section up to rounding, on one side of it or the other.
+    for (inertia, near) in [(0.02, 1.05), (0.2, 1.05), (0.02, 1.06), (0.2, 1.02), (0.1, 1.1)] {
         let urdf = wheel(inertia);
         let factor = (inertia + (2.0 * alpha).cos()) / (inertia + 1.0);
         // Energy of a step: (1 + J) (ω₁² − ω₀²)/2 = g (cos(α − γ) − cos(α + γ)).
         let gained = 4.0 * g * alpha.sin() * slope.sin() / (1.0 + inertia);
         let omega = (factor * factor * gained / (1.0 - factor * factor)).sqrt();
         // At pitch 0 two spokes stand on the floor; the wheel turns about the front one.
-        let guess = 1.05 * omega;
+        let guess = near * omega;
         let (vx, vz) = (guess * alpha.cos(), guess * alpha.sin());
         let scene = format!(
             r#"

@@ -109,7 +109,7 @@ impl Problem {
         let mut session = self.session(plan, start)?;
         let (longest, from) = (self.scene.duration, session.time());
         let (mut events, mut count) = (Vec::new(), 0);
-        let mut seen = Crossing::new(&self.section);
+        let mut seen = Crossing::new(&self.section, start.q.len());
         let ends = |event: &Event| match &self.section {
             Section::Contact { touches, .. } => event.kind.struck().iter().any(|touch| touches.contains(touch)),
             _ => false,
@@ -271,8 +271,8 @@ impl Section {
 /// Looks for the first passage of a function through zero, upwards, after it was below.
 struct Crossing<'s> {
     section: &'s Section,
-    /// The largest size of the function.
-    size: f64,
+    /// The length of q.
+    nq: usize,
     below: bool,
     found: Option<f64>,
     rate: f64,
@@ -281,8 +281,8 @@ struct Crossing<'s> {
 }
 
 impl<'s> Crossing<'s> {
-    fn new(section: &'s Section) -> Self {
-        Self { section, size: 0.0, below: false, found: None, rate: 0.0, jumps: None }
+    fn new(section: &'s Section, nq: usize) -> Self {
+        Self { section, nq, below: false, found: None, rate: 0.0, jumps: None }
     }
 
     fn at(&self, state: &[f64]) -> f64 {
@@ -292,12 +292,21 @@ impl<'s> Crossing<'s> {
         }
     }
 
+    /// The size of the terms of the function, if each coordinate or velocity were as large as the largest.
+    fn size(&self, state: &[f64]) -> f64 {
+        let Section::Rising { function, .. } = self.section else { return 0.0 };
+        let (q, qd) = state.split_at(self.nq);
+        let [q, qd] = [q, qd].map(|all| all.iter().fold(0.0, |most: f64, x| most.max(x.abs())));
+        let terms = function.terms.iter().map(|(k, c)| c.abs() * if *k < self.nq { q } else { qd });
+        function.constant.abs() + terms.sum::<f64>()
+    }
+
     fn value(&self, moment: &Moment) -> f64 {
         self.at(&[moment.q.as_slice(), &moment.qd].concat())
     }
 
     fn look(&mut self, segment: &Segment) {
-        /// A start on the section is below or above it by rounding.
+        /// A start on the section is below or above it by rounding, as a share of the size of the state.
         const ROUNDING: f64 = 1e-9;
         if self.found.is_some() || self.jumps.is_some() {
             return;
@@ -307,7 +316,7 @@ impl<'s> Crossing<'s> {
         // The polynomial of a segment has fewer extremes than nodes.
         let times = (0..=2 * count).map(|k| segment.start + span * k as f64 / (2 * count) as f64);
         let seen: Vec<(f64, f64)> = times.map(|time| (time, self.at(&segment.at(time)))).collect();
-        self.size = seen.iter().fold(self.size, |most, (_, value)| most.max(value.abs()));
+        let rounding = ROUNDING * self.size(&segment.states[0]);
         let mut last = segment.start;
         for (time, value) in seen {
             if self.below && value >= 0.0 && time == segment.start {
@@ -329,7 +338,7 @@ impl<'s> Crossing<'s> {
                 self.found = Some(high);
                 return;
             }
-            self.below |= value < -ROUNDING * self.size;
+            self.below |= value < -rounding;
             last = time;
         }
     }
