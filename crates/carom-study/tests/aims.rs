@@ -75,6 +75,89 @@ fn durations_gravities_and_coefficients_that_meet_conditions_have_their_closed_f
     close("start", bounce(keys).unwrap().unknowns[0].found, -(100.0 - 2.0 * G * HEIGHT).sqrt(), 1e-9);
 }
 
+/// ∫ z dt, above the surface, and ∫ ż² dt of the mass over 1 s, with one bounce.
+fn integrals(v: f64) -> [f64; 2] {
+    let strike = (v + (v * v + 2.0 * G * HEIGHT).sqrt()) / G;
+    let flight = |z: f64, v: f64, t: f64| {
+        [z * t + v * t * t / 2.0 - G * t.powi(3) / 6.0, (v.powi(3) - (v - G * t).powi(3)) / (3.0 * G)]
+    };
+    let [before, after] = [flight(HEIGHT, v, strike), flight(0.0, E * (G * strike - v), 1.0 - strike)];
+    [before[0] + after[0], before[1] + after[1]]
+}
+
+/// The velocity jumps at the impact, whose time the start changes.
+#[test]
+fn integrals_over_a_motion_have_their_closed_forms() {
+    for (k, (value, equals)) in [("z - 0.0001", 2.2), ("{qd z}^2", 45.0)].into_iter().enumerate() {
+        let keys = format!(
+            "with = {{ \"robot.qd\" = [-1.0] }}\n[[unknown]]\nnumber = \"robot.qd[0]\"\n\
+             [[condition]]\nvalue = \"{value}\"\nalong = true\nequals = {equals}\n"
+        );
+        let found = bounce(&keys).unwrap();
+        close(value, integrals(found.unknowns[0].found)[k], equals, 1e-9 * equals);
+        // Newton's method squares the miss, so that the derivative is right.
+        let misses: Vec<f64> = found.steps.iter().map(|step| step.miss).collect();
+        assert!(misses.windows(2).all(|pair| pair[1] < (pair[0] * pair[0]).max(1e-9)), "{value}: {misses:?}");
+    }
+    // By the duration it is the value at the end: of the velocity the height.
+    let keys = "[[unknown]]\nnumber = \"run.duration\"\nfirst = 0.5\n\
+                [[condition]]\nvalue = \"{qd z}\"\nalong = true\nequals = -2\n";
+    close("duration", bounce(keys).unwrap().unknowns[0].found, (4.0 / G).sqrt(), 1e-9);
+    // The height that has the least mean square distance is the mean height.
+    let keys = "with = { \"robot.qd\" = [-1.0] }\n[[unknown]]\nname = \"h\"\nfirst = 1\nset = { \"contact.friction\" = \"0*h\" }\n\
+                [[cost]]\nvalue = \"(z - h)^2\"\nalong = true\n";
+    close("mean", bounce(keys).unwrap().unknowns[0].found, integrals(-1.0)[0] + 1e-4, 1e-7);
+}
+
+/// ẍ = u from x = 1 at rest, with the least ∫ x² + u² dt over 1 s: x⁗ = −x, and x″ = x‴ = 0 at the end; the cost is x‴ at the start.
+#[test]
+fn the_least_integral_of_place_and_thrust_is_that_of_riccati() {
+    let w = std::f64::consts::FRAC_1_SQRT_2;
+    // Solutions exp(±w t) cos wt, exp(±w t) sin wt are complex exponentials: their derivatives are powers of r = (±1 + i) w.
+    let rate = |sign: f64| nalgebra::Complex::new(sign * w, w);
+    let at = |t: f64, k: i32| {
+        let of = |sign: f64| rate(sign).powi(k) * (rate(sign) * t).exp();
+        [of(1.0).re, of(1.0).im, of(-1.0).re, of(-1.0).im]
+    };
+    let rows = [at(0.0, 0), at(0.0, 1), at(1.0, 2), at(1.0, 3)];
+    let matrix = nalgebra::Matrix4::from_fn(|i, j| rows[i][j]);
+    let found = matrix.lu().solve(&nalgebra::Vector4::new(1.0, 0.0, 0.0, 0.0)).unwrap();
+    let least: f64 = at(0.0, 3).iter().zip(found.iter()).map(|(a, b)| a * b).sum();
+    let keys = "with = { \"robot.q\" = [1.0], \"run.gravity\" = [0, 0, 0] }\n[torque]\njoints = [\"z\"]\nknots = 21\n\
+                [[cost]]\neffort = true\n[[cost]]\nvalue = \"z^2\"\nalong = true\n";
+    let found = bounce(keys).unwrap();
+    assert!(found.cost > least && found.cost < least * (1.0 + 1e-5), "{} {least}", found.cost);
+}
+
+/// Segments between which the state is guessed lead to the same start as the closed form, with the impact in one of them.
+#[test]
+fn segments_find_the_start_of_the_closed_form() {
+    let keys = "with = { \"robot.qd\" = [-1.0] }\n[[unknown]]\nnumber = \"robot.qd[0]\"\n[[condition]]\nvalue = \"z\"\nequals = 1.5001\n\
+                [[condition]]\nvalue = \"time\"\ncontact = \"mass\"\nmost = 0.9\n[search]\nsegments = 3\n\
+                guess = { z = \"4 - 5*time\", \"qd z\" = \"0 - 4\" }\n";
+    let found = bounce(keys).unwrap();
+    close("height", thrown(found.unknowns[0].found).0, 1.5, 1e-9);
+    assert_eq!((found.unknowns[0].first, found.end, found.conditions.len()), (-1.0, End::Met, 2));
+}
+
+/// An arm that falls is held upright. The errors of its motion grow by 4e10, so that in one piece no search leads there; the number of segments
+/// changes nothing in what is found.
+#[test]
+fn segments_find_an_unstable_motion_that_one_piece_does_not() {
+    let text = std::fs::read_to_string(folder().join("upright.toml")).unwrap();
+    let solve = |text: &str| Problem::from_toml(text, folder()).unwrap().solve();
+    let [eight, twelve] =
+        ["segments = 8", "segments = 12"].map(|own| solve(&text.replace("segments = 8", own)).unwrap());
+    for found in [&eight, &twelve] {
+        assert_eq!(found.end, End::Segments);
+        assert!(found.steps.last().unwrap().miss < 1e-9, "{:?}", found.steps.last());
+        assert!(found.conditions.iter().all(|own| own.miss < 0.5), "{:?}", found.conditions);
+    }
+    close("cost", twelve.cost, eight.cost, 1e-7 * eight.cost);
+    let one = text.split("[search]").next().unwrap();
+    assert!(solve(one).is_err());
+}
+
 #[test]
 fn bounds_and_inequalities_hold_and_the_cost_is_least_there() {
     // The heaviest impact within the bounds of the start: at one of them.
@@ -219,6 +302,17 @@ fn what_cannot_be_reached_and_wrong_problems_are_told() {
         (format!("{unknown}{height}[[cost]]\neffort = true\n"), "effort is that of [torque]"),
         (format!("{unknown}{height}[[cost]]\nsquare = \"z\"\nweight = -1\n"), "must not be negative"),
         (format!("{unknown}{height}[search]\ntolerance = 0\n"), "[search] tolerance = 0"),
+        (format!("{unknown}{height}[search]\nsegments = 0\n"), "[search] segments = 0: give 1 or more"),
+        (format!("{unknown}{height}[search]\nsegments = 3\n"), "segments = 3: segments and guess"),
+        (format!("{unknown}{height}[search]\nguess = {{ z = \"1\" }}\n"), "segments = 1: segments and guess"),
+        (
+            format!("{unknown}{height}[search]\nsegments = 3\nguess = {{ y = \"1\" }}\n"),
+            "guess has 'y', which is no number of the state: there are z, qd z",
+        ),
+        (
+            format!("{unknown}{height}along = true\ncontact = \"mass\"\n"),
+            "an integral is that over the whole motion, remove one",
+        ),
     ] {
         let error = bounce(&keys).unwrap_err().to_string();
         assert!(error.contains(told), "{keys}\n{error}");

@@ -41,6 +41,10 @@ impl Step {
     /// Gauss's points: the zeros of Legendre's polynomial of degree 4, in 0 … 1.
     pub const POINTS: [f64; 4] =
         [0.069_431_844_202_973_71, 0.330_009_478_207_571_9, 0.669_990_521_792_428_1, 0.930_568_155_797_026_3];
+
+    /// The weights of Gauss's quadrature at them: ∫ g dt = (end − start) Σ b g with order 8.
+    pub const WEIGHTS: [f64; 4] =
+        [0.173_927_422_568_726_93, 0.326_072_577_431_273_07, 0.326_072_577_431_273_07, 0.173_927_422_568_726_93];
 }
 
 impl Sampler<'_> {

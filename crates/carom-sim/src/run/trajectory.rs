@@ -1,6 +1,7 @@
 //! The results of a simulation: events with the states before and after, the motion between them, the reason for the end,
 //! solver statistics and the energy balance.
 
+use super::sampler::Step;
 use crate::contact::ContactMode;
 use crate::impact::{ChainImpact, ImpactLoads};
 use crate::motion::{ContactState, NonUnique};
@@ -249,6 +250,15 @@ impl Segment {
         }
         above.iter_mut().for_each(|sum| *sum /= below);
         above
+    }
+
+    /// Times, weights (s) and states of Gauss's quadrature of order 8 over both halves: ∫ g dt over the segment is Σ weight g(time, state).
+    pub fn quadrature(&self) -> impl Iterator<Item = (f64, f64, Vec<f64>)> {
+        let half = 0.5 * (self.end - self.start);
+        let points = Step::POINTS.iter().zip(Step::WEIGHTS);
+        let times =
+            [self.start, self.start + half].map(|start| points.clone().map(move |(c, b)| (start + half * c, half * b)));
+        times.into_iter().flatten().map(|(time, weight)| (time, weight, self.at(time)))
     }
 }
 

@@ -31,14 +31,13 @@ pub(crate) struct Gauss {
 }
 
 impl Gauss {
-    /// The weights: Σⱼ aᵢⱼ cⱼᵏ⁻¹ = cᵢᵏ/k and Σⱼ bⱼ cⱼᵏ⁻¹ = 1/k for k = 1 … 4.
+    /// The weights a: Σⱼ aᵢⱼ cⱼᵏ⁻¹ = cᵢᵏ/k for k = 1 … 4.
     pub fn new() -> Self {
         let c = Step::POINTS;
         let powers = Matrix4::from_fn(|j, k| c[j].powi(k as i32));
         let inverse = powers.try_inverse().unwrap_or_else(|| unreachable!("the points differ"));
         let a = Matrix4::from_fn(|i, k| c[i].powi(k as i32 + 1) / (k + 1) as f64) * inverse;
-        let b = (Vector4::from_fn(|k, _| 1.0 / (k + 1) as f64).transpose() * inverse).transpose();
-        Self { a, b }
+        Self { a, b: Vector4::from(Step::WEIGHTS) }
     }
 }
 
@@ -119,8 +118,13 @@ impl<A: Space> Run<'_, '_, A> {
         self.motion.active.lasting.iter().any(slips)
     }
 
-    /// A and P.
-    fn slopes(&mut self, time: f64, x: &[f64], changed: &mut [&mut Changed<A>]) -> Result<[DMatrix<f64>; 2], SimError> {
+    /// A and P, and where a joint floats the map from x to what it can change by.
+    fn slopes(
+        &mut self,
+        time: f64,
+        x: &[f64],
+        changed: &mut [&mut Changed<A>],
+    ) -> Result<([DMatrix<f64>; 2], Option<DMatrix<f64>>), SimError> {
         let tangent = self.tangent(x);
         let y = self.y_of(x);
         if self.slips() {
@@ -143,7 +147,11 @@ impl<A: Space> Run<'_, '_, A> {
                 }
             }
         }
-        Ok([if tangent.is_square() { slope } else { slope * left_inverse(&tangent) }, push])
+        if tangent.is_square() {
+            return Ok(([slope, push], None));
+        }
+        let inverse = left_inverse(&tangent);
+        Ok(([slope * &inverse, push], Some(inverse)))
     }
 
     /// A along the tangent and P, by the linearised motion.
@@ -294,7 +302,12 @@ pub(crate) fn left_inverse(t: &DMatrix<f64>) -> DMatrix<f64> {
 /// ```
 #[derive(Debug, Clone)]
 pub(crate) struct LinearStep {
+    start: f64,
     h: f64,
+    /// (q, q̇) at the four points.
+    states: Vec<Vec<f64>>,
+    /// Displacement and velocity by x at the four points, where a joint floats; elsewhere they are the first of x.
+    inverses: Vec<DMatrix<f64>>,
     /// nq and r.
     sizes: (usize, usize),
     /// (B, C), r×n.
@@ -316,16 +329,35 @@ impl LinearStep {
         let acts = |changed: &Changed<A>| changed.acts(step.start, step.end);
         let acting = changed.iter().enumerate().filter(|(_, it)| acts(it)).map(|(p, _)| p).collect();
         let mut changed: Vec<&mut Changed<A>> = changed.iter_mut().filter(|it| acts(it)).collect();
-        let mut n = 0;
+        let (mut n, mut states, mut inverses) = (0, Vec::with_capacity(4), Vec::new());
         for (point, state) in Step::POINTS.iter().zip(&step.states) {
             let x = run.x_of(state, &memory);
             n = x.len();
-            let [slope, push] = run.slopes(step.start + h * point, &x, &mut changed)?;
+            states.push(x[..nq + nv].to_vec());
+            let ([slope, push], inverse) = run.slopes(step.start + h * point, &x, &mut changed)?;
+            inverses.extend(inverse.map(|inverse| inverse.rows(0, 2 * nv).into_owned()));
             slopes.push(slope.rows(known, n - known).into_owned());
             pushes.push(push.rows(known, n - known).into_owned());
         }
         run.y_of(&run.x_of(&step.states[3], &memory));
-        Ok(Self { h, sizes: (known, n - known), slopes, pushes, acting })
+        Ok(Self { start: step.start, h, states, inverses, sizes: (known, n - known), slopes, pushes, acting })
+    }
+
+    /// Times, weights (s) and states (q, q̇) of the quadrature over it.
+    pub fn quadrature(&self) -> impl Iterator<Item = (f64, f64, &[f64])> {
+        let points = Step::POINTS.iter().zip(Step::WEIGHTS).zip(&self.states);
+        points.map(|((c, b), state)| (self.start + self.h * c, self.h * b, state.as_slice()))
+    }
+
+    /// The derivatives of a number by x at a point of the quadrature, by those by displacement and velocity.
+    fn by_x(&self, point: usize, by: &[f64]) -> DVector<f64> {
+        let (nq, r) = self.sizes;
+        let mut all = DVector::zeros(nq + r);
+        match self.inverses.get(point) {
+            Some(inverse) => all.gemv_tr(1.0, inverse, &DVector::from_column_slice(by), 0.0),
+            None => all.rows_mut(0, by.len()).copy_from_slice(by),
+        }
+        all
     }
 
     /// Its length, s.
@@ -397,7 +429,16 @@ impl LinearStep {
 
     /// λ before the step, from λ after it, a column for each number that is differentiated; the derivatives by the parameters are added to
     /// `gradients`. It is the transpose of [`forward`](Self::forward): both agree to rounding.
-    pub fn reverse(&self, gauss: &Gauss, lambda: &DMatrix<f64>, gradients: &mut DMatrix<f64>) -> Option<DMatrix<f64>> {
+    ///
+    /// `along`: for each number none, or its derivatives by displacement and velocity at the four points, where x is
+    /// S_q + h cᵢ S_v + h² Σ (a²)ᵢⱼ V_j and S_z + h Σ aᵢⱼ Zⱼ.
+    pub fn reverse(
+        &self,
+        gauss: &Gauss,
+        lambda: &DMatrix<f64>,
+        along: &[&[Vec<f64>]],
+        gradients: &mut DMatrix<f64>,
+    ) -> Option<DMatrix<f64>> {
         let (nq, r) = self.sizes;
         let (h, m) = (self.h, lambda.ncols());
         let ahead = gauss.a.tr_mul(&gauss.b);
@@ -407,6 +448,24 @@ impl LinearStep {
             let mut velocities = right.rows_mut(i * r, nq);
             velocities += lambda.rows(0, nq) * (h * h * ahead[i]);
         }
+        let mut before = lambda.clone();
+        let mut velocities = before.rows_mut(nq, nq);
+        velocities += lambda.rows(0, nq) * h;
+        let square = gauss.a * gauss.a;
+        for (k, own) in along.iter().enumerate() {
+            for (i, by) in own.iter().enumerate() {
+                let by = self.by_x(i, by);
+                let mut column = before.column_mut(k);
+                column += &by;
+                let mut velocities = column.rows_mut(nq, nq);
+                velocities.axpy(h * Step::POINTS[i], &by.rows(0, nq), 1.0);
+                for j in 0..4 {
+                    let mut stage = right.column_mut(k);
+                    stage.rows_mut(j * r, r).axpy(h * gauss.a[(i, j)], &by.rows(nq, r), 1.0);
+                    stage.rows_mut(j * r, nq).axpy(h * h * square[(i, j)], &by.rows(0, nq), 1.0);
+                }
+            }
+        }
         let weights = match self.iterated(gauss, &right) {
             Some(weights) => weights,
             None => {
@@ -414,9 +473,6 @@ impl LinearStep {
                 right
             }
         };
-        let mut before = lambda.clone();
-        let mut velocities = before.rows_mut(nq, nq);
-        velocities += lambda.rows(0, nq) * h;
         for i in 0..4 {
             let own = weights.rows(i * r, r);
             let back = self.slopes[i].tr_mul(&own);

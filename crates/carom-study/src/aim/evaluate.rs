@@ -1,19 +1,23 @@
 //! The conditions and the cost of a motion, and their derivatives by the unknowns.
 //!
-//! A number g of the final state, of a state at an impact or of an impulse has the derivative ∂g/∂u = Σ λᵀ ∂x₀/∂u + ∂g/∂p ∂p/∂u, with λ from
-//! the run in reverse; of an unknown that changes the duration T also ∂g/∂x ẋ(T).
+//! A number g of the final state, of a state at an impact, of an impulse, or an integral over the motion has the derivative
+//! ∂g/∂u = Σ λᵀ ∂x₀/∂u + ∂g/∂p ∂p/∂u, with λ from the run in reverse; of an unknown that changes the duration T also ∂g/∂x ẋ(T).
+//!
+//! In [segments](super::segments) each has a run of its own, and x₀ of all but the first is unknown.
 
 use super::function::{Function, Point, Slope, difference};
 use super::problem::{Place, Problem};
+use super::segments::Part;
 use super::unknown::{FirstState, Given, from_to};
 use super::{AimError, Happened};
-use carom_sim::{ByOutcome, Event, LinearRun, Parameter, Plan, Sampling, Seen, SimError, Simulation};
+use carom_sim::{ByOutcome, Event, LinearRun, Moment, Parameter, Sampling, Seen, SimError, Simulation};
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 use std::sync::Arc;
 
-/// The values at some unknowns, and the simulation that has them.
+/// The values at some unknowns, and the simulations that have them.
 pub(super) struct Values {
-    plan: Plan,
+    parts: Vec<Part>,
     pub duration: f64,
     pub conditions: Vec<f64>,
     /// Of each cost, before weight and square.
@@ -29,45 +33,44 @@ pub(super) struct Slopes {
     pub effort: DVector<f64>,
 }
 
-/// A motion: its end and its events.
+/// A motion: each part with its end and its events.
 struct Outcome<'a> {
-    plan: &'a Plan,
+    parts: Vec<(&'a Part, &'a Moment, Vec<&'a Event>)>,
     unknowns: &'a [f64],
-    time: f64,
-    q: &'a [f64],
-    qd: &'a [f64],
-    events: Vec<&'a Event>,
 }
 
+/// One of the functions: its name, and where it is evaluated.
+type Asked<'a> = (&'a str, &'a Function, &'a Place);
+
 impl Problem {
-    /// The functions with their places: conditions, then costs.
-    fn functions(&self) -> impl Iterator<Item = (&str, &Function, &Place)> {
-        let conditions = self.conditions.iter().map(|it| (it.name.as_str(), &it.function, &it.place));
+    /// The functions with their places: of conditions, then of costs.
+    fn functions(&self) -> impl Iterator<Item = Asked<'_>> {
+        let conditions = self.conditions.iter().filter_map(|it| {
+            let (function, place) = it.asked.as_ref()?;
+            Some((it.name.as_str(), function, place))
+        });
         conditions.chain(self.costs.iter().map(|it| (it.name.as_str(), &it.function, &it.place)))
     }
 
-    /// The values at u, by a run.
+    /// The values at u, by a run of each part.
     pub(super) fn values(&self, u: &[f64]) -> Result<Values, AimError> {
-        let (plan, duration) = self.given.plan(u)?;
-        let mut events: Vec<Event> = Vec::new();
-        let run = plan.stream(duration, Sampling::default(), &mut |seen| {
-            if let Seen::Event(event) = seen {
-                events.push(event.clone());
+        let (parts, duration) = self.given.parts(u)?;
+        let along: Vec<&Function> = self
+            .functions()
+            .filter(|(.., place)| matches!(place, Place::Along))
+            .map(|(_, function, _)| function)
+            .collect();
+        let runs = parts.par_iter().map(|part| run(part, u, &along)).collect::<Result<Vec<_>, SimError>>()?;
+        let ran = parts.iter().zip(&runs).map(|(part, (last, events, _))| (part, last, events.iter().collect()));
+        let outcome = Outcome { parts: ran.collect(), unknowns: u };
+        let mut workspace = parts[0].plan.simulation.chain.workspace();
+        let mut integrals = 0..along.len();
+        let values = self.functions().map(|(name, function, place)| match place {
+            Place::Along => {
+                let k = integrals.next().unwrap_or_default();
+                Ok(runs.iter().map(|(.., sums)| sums[k]).sum())
             }
-        })?;
-        let last = &run.last;
-        let outcome = Outcome {
-            plan: &plan,
-            unknowns: u,
-            time: last.time,
-            q: &last.q,
-            qd: &last.qd,
-            events: events.iter().collect(),
-        };
-        let mut workspace = plan.simulation.chain.workspace();
-        let values = self.functions().map(|(name, function, place)| {
-            let counts = place.touches();
-            Ok(function.at(&outcome.point(place, name)?.counting(counts), &mut workspace)?)
+            _ => Ok(function.at(&outcome.point(place, name)?.2, &mut workspace)?),
         });
         let mut conditions = values.collect::<Result<Vec<f64>, AimError>>()?;
         if let Some(k) = conditions.iter().position(|x| !x.is_finite()) {
@@ -77,60 +80,73 @@ impl Problem {
                 rule: "is no finite number: its formula has no value there".into(),
             });
         }
-        let costs = conditions.split_off(self.conditions.len());
+        let costs = conditions.split_off(conditions.len() - self.costs.len());
+        for (pair, (last, ..)) in parts.windows(2).zip(&runs) {
+            conditions.extend(pair[1].gap(last)?);
+        }
         let of = self.given.torque.as_ref().filter(|_| self.effort > 0.0);
         let effort = of.map_or(0.0, |torque| torque.effort(&u[self.given.unknowns.len()..], duration).0);
-        let start = plan.simulation.start_time;
-        let told =
-            |event: &Event| Happened { time: event.time - start, what: event.named(&plan.simulation.touches).told() };
-        let events = events.iter().map(told).collect();
-        Ok(Values { plan, duration, conditions, costs, effort, events })
+        let start = parts[0].origin;
+        let touches = &parts[0].plan.simulation.touches;
+        let told = |event: &Event| Happened { time: event.time - start, what: event.named(touches).told() };
+        let events = runs.iter().flat_map(|(_, events, _)| events.iter().map(told)).collect();
+        Ok(Values { duration, conditions, costs, effort, events, parts })
     }
 
-    /// The derivatives at u, which has these values, by a run in reverse.
+    /// The derivatives at u, which has these values, by a run of each part in reverse.
     pub(super) fn slopes(&self, u: &[f64], values: &Values) -> Result<Slopes, AimError> {
         let given = &self.given;
-        let Values { plan, duration, .. } = values;
-        let (parameters, acting) = given.parameters(u, &plan.simulation);
-        let run = plan.linear_run(*duration, &parameters)?;
-        let starts = given.starts(u)?;
+        let Values { parts, duration, .. } = values;
+        let (parameters, acting) = given.parameters(u, &parts[0].plan.simulation);
+        let runs = parts.par_iter().map(|part| part.plan.linear_run(part.duration, &parameters));
+        let runs = runs.collect::<Result<Vec<_>, SimError>>()?;
+        let ran = parts.iter().zip(&runs).map(|(part, run)| (part, run.last(), run.happened().flatten().collect()));
+        let outcome = Outcome { parts: ran.collect(), unknowns: u };
+        let (n, moving) = (u.len(), 2 * parts[0].plan.simulation.chain.nv());
+        let starts = (0..parts.len()).map(|k| given.starts(k, u)).collect::<Result<Vec<_>, _>>()?;
         let later = given.later(u)?;
-        let last = run.last();
-        let events = run.happened().flatten().collect();
-        let outcome = Outcome { plan, unknowns: u, time: last.time, q: &last.q, qd: &last.qd, events };
-        let mut workspace = plan.simulation.chain.workspace();
-        let (n, nv) = (u.len(), plan.simulation.chain.nv());
-        let mut slopes = Vec::new();
-        for (name, function, place) in self.functions() {
-            let point = outcome.point(place, name)?.counting(place.touches());
-            let slope = function.slope(&point, &mut workspace)?;
-            let by = by_outcome(&run, place, &slope);
-            slopes.push((place, slope, by));
-        }
-        let all: Vec<ByOutcome> = slopes.iter().map(|(.., by)| by.clone()).collect();
+        // A row for each function, and for each number in which a part begins elsewhere than the one before ends.
         let mut rows = Vec::new();
-        for ((place, slope, by), gradient) in slopes.iter().zip(run.gradients(&all)?) {
+        // Of each part the rows to which its outcome counts.
+        let mut counts: Vec<Vec<(usize, ByOutcome)>> = vec![Vec::new(); parts.len()];
+        for asked in self.functions() {
             let mut row = vec![0.0; n];
-            for (k, start) in &starts {
-                row[*k] += start.iter().zip(&gradient).map(|(x, by)| x * by).sum::<f64>();
-            }
-            acting.iter().zip(&gradient[2 * nv..]).for_each(|(k, by)| row[*k] += by);
-            slope.unknowns.iter().zip(&mut row).for_each(|(by, row)| *row += by);
-            if place.impact.is_none() {
-                let rate = by.last.iter().zip(run.rate()).map(|(by, rate)| by * rate).sum::<f64>() + slope.time;
-                later.iter().for_each(|(k, by)| row[*k] += rate * by);
-            }
+            let (rate, by) = outcome.slope(asked, &runs, &mut row)?;
+            later.iter().for_each(|(k, by)| row[*k] += rate * by);
+            by.into_iter().for_each(|(part, by)| counts[part].push((rows.len(), by)));
             rows.push(row);
         }
+        let first_gap = rows.len();
+        for k in 1..parts.len() {
+            for i in 0..moving {
+                let last = (0..moving).map(|j| if j == i { 1.0 } else { 0.0 }).collect();
+                counts[k - 1].push((rows.len(), ByOutcome { last, ..ByOutcome::default() }));
+                let mut row = vec![0.0; n];
+                starts[k].iter().for_each(|(j, start)| row[*j] -= start[i]);
+                rows.push(row);
+            }
+        }
+        for ((run, start), counts) in runs.iter().zip(&starts).zip(counts) {
+            let (of, by): (Vec<usize>, Vec<ByOutcome>) = counts.into_iter().unzip();
+            for (row, gradient) in of.into_iter().zip(run.gradients(&by)?) {
+                let row = &mut rows[row];
+                for (k, start) in start {
+                    row[*k] += start.iter().zip(&gradient).map(|(x, by)| x * by).sum::<f64>();
+                }
+                acting.iter().zip(&gradient[moving..]).for_each(|(k, by)| row[*k] += by);
+            }
+        }
+        let gaps = rows.split_off(first_gap);
+        let costs = rows.split_off(first_gap - self.costs.len());
+        rows.extend(gaps);
         let matrix = |rows: &[Vec<f64>]| DMatrix::from_fn(rows.len(), n, |i, j| rows[i][j]);
-        let (conditions, costs) = rows.split_at(self.conditions.len());
         let mut effort = DVector::zeros(n);
         if let Some(torque) = given.torque.as_ref().filter(|_| self.effort > 0.0) {
             let (sum, by) = torque.effort(&u[given.unknowns.len()..], *duration);
             effort.rows_mut(given.unknowns.len(), by.len()).copy_from_slice(&by);
             later.iter().for_each(|(k, by)| effort[*k] += sum / duration * by);
         }
-        Ok(Slopes { conditions: matrix(conditions), costs: matrix(costs), effort })
+        Ok(Slopes { conditions: matrix(&rows), costs: matrix(&costs), effort })
     }
 }
 
@@ -174,8 +190,11 @@ impl Given {
         (parameters, unknowns)
     }
 
-    /// What the unknowns change at the start: displacement and velocity.
-    fn starts(&self, u: &[f64]) -> Result<Vec<(usize, Vec<f64>)>, SimError> {
+    /// What the unknowns change at the start of a part: displacement and velocity.
+    fn starts(&self, part: usize, u: &[f64]) -> Result<Vec<(usize, Vec<f64>)>, SimError> {
+        if let Some(knot) = part.checked_sub(1) {
+            return self.starts_at(knot, u);
+        }
         let mut all = Vec::new();
         for (k, own) in self.unknowns.iter().enumerate() {
             match &own.start {
@@ -208,75 +227,132 @@ impl Given {
     }
 }
 
-impl Place {
-    fn touches(&self) -> &[usize] {
-        self.impact.as_ref().map_or(&[], |(_, touches, _)| touches)
-    }
-
-    /// The number of its impact among these events.
-    fn find<'e>(&self, mut events: impl Iterator<Item = &'e Event>) -> Option<usize> {
-        let (_, touches, k) = self.impact.as_ref()?;
-        let is_own = |event: &Event| event.kind.struck().iter().any(|touch| touches.contains(touch));
-        let mut left = *k;
-        events.position(|event| {
-            let is_own = is_own(event);
-            let found = is_own && left == 0;
-            left -= usize::from(is_own && left > 0);
-            found
-        })
-    }
-}
-
 impl<'a> Outcome<'a> {
-    fn point(&self, place: &Place, name: &str) -> Result<Point<'a>, AimError> {
-        let (sim, side) = (&self.plan.simulation, place.side);
-        let Some((contact, touches, _)) = &place.impact else {
-            let qd = [self.qd, self.qd];
-            let time = self.time - sim.start_time;
-            return Ok(Point { sim, time, q: self.q, qd, side, struck: &[], counts: &[], unknowns: self.unknowns });
+    /// Where a function is evaluated that is no integral: the part, the number of its event, and the point.
+    fn point(&self, place: &'a Place, name: &str) -> Result<(usize, Option<usize>, Point<'a>), AimError> {
+        let Place::Impact { contact, touches, k, side } = place else {
+            let part = self.parts.len() - 1;
+            let (_, last, _) = &self.parts[part];
+            return Ok((part, None, self.between(part, last.time, (&last.q, &last.qd))));
         };
-        let Some(k) = place.find(self.events.iter().copied()) else {
-            let is_own = |event: &&&Event| event.kind.struck().iter().any(|touch| touches.contains(touch));
-            let told: Vec<String> = self.events.iter().map(|event| event.named(&sim.touches).told()).collect();
+        let is_own = |event: &&Event| event.kind.struck().iter().any(|touch| touches.contains(touch));
+        let all = || {
+            self.parts.iter().enumerate().flat_map(|(part, (.., events))| events.iter().map(move |own| (part, *own)))
+        };
+        let Some((part, event)) = all().filter(|(_, event)| is_own(event)).nth(*k) else {
+            let named =
+                |(part, event): (usize, &Event)| event.named(&self.parts[part].0.plan.simulation.touches).told();
+            let told: Vec<String> = all().map(named).collect();
             return Err(AimError::NoImpact {
                 condition: name.to_owned(),
                 contact: contact.clone(),
-                found: self.events.iter().filter(is_own).count(),
+                found: all().filter(|(_, event)| is_own(event)).count(),
                 seen: if told.is_empty() { "none".into() } else { told.join(", ") },
             });
         };
-        let event = self.events[k];
-        let qd = [event.qd_minus.as_slice(), &event.qd_plus];
-        let struck = event.kind.struck();
-        let time = event.time - sim.start_time;
-        Ok(Point { sim, time, q: &event.q, qd, side, struck, counts: &[], unknowns: self.unknowns })
+        let point = Point {
+            qd: [&event.qd_minus, &event.qd_plus],
+            side: *side,
+            struck: event.kind.struck(),
+            counts: touches,
+            ..self.between(part, event.time, (&event.q, &event.qd_plus))
+        };
+        Ok((part, self.parts[part].2.iter().position(|own| std::ptr::eq(*own, event)), point))
+    }
+
+    /// A state of a part that is not at an impact.
+    fn between<'s>(&self, part: usize, time: f64, state: (&'s [f64], &'s [f64])) -> Point<'s>
+    where
+        'a: 's,
+    {
+        self.parts[part].0.at(time, state, self.unknowns)
+    }
+
+    /// The derivatives of a function: its change by that of the duration, and those by the outcome of parts; those by the unknowns themselves are
+    /// added to `row`.
+    fn slope(
+        &self,
+        (name, function, place): Asked<'a>,
+        runs: &[LinearRun],
+        row: &mut [f64],
+    ) -> Result<(f64, Vec<(usize, ByOutcome)>), AimError> {
+        let mut workspace = self.parts[0].0.plan.simulation.chain.workspace();
+        let mut add = |weight: f64, slope: &Slope| {
+            slope.unknowns.iter().zip(&mut *row).for_each(|(by, row)| *row += weight * by);
+        };
+        if let Place::Along = place {
+            let mut all = Vec::new();
+            for (part, run) in runs.iter().enumerate() {
+                let (_, by) = run.integral(|time, weight, state| {
+                    let point = self.between(part, time, state.split_at(self.parts[part].1.q.len()));
+                    let slope = function.slope(&point, &mut workspace)?;
+                    add(weight, &slope);
+                    Ok((function.at(&point, &mut workspace)?, [slope.q.as_slice(), &slope.qd[1]].concat()))
+                })?;
+                all.push((part, by));
+            }
+            let (.., end) = self.point(&Place::End, name)?;
+            return Ok((function.at(&end, &mut workspace)?, all));
+        }
+        let (part, event, point) = self.point(place, name)?;
+        let slope = function.slope(&point, &mut workspace)?;
+        add(1.0, &slope);
+        let by = by_outcome(&runs[part], event, point.side, &slope);
+        let rate = match place {
+            Place::End => by.last.iter().zip(runs[part].rate()).map(|(by, rate)| by * rate).sum::<f64>() + slope.time,
+            _ => 0.0,
+        };
+        Ok((rate, vec![(part, by)]))
     }
 }
 
-impl<'a> Point<'a> {
-    fn counting(self, counts: &'a [usize]) -> Self {
-        Self { counts, ..self }
-    }
+/// Runs a part: its end, its events, and the integrals of functions over it.
+fn run(part: &Part, unknowns: &[f64], along: &[&Function]) -> Result<(Moment, Vec<Event>, Vec<f64>), SimError> {
+    let plan = &part.plan;
+    let (mut events, mut sums, mut failed) = (Vec::new(), vec![0.0; along.len()], None);
+    let mut workspace = plan.simulation.chain.workspace();
+    let sampling = Sampling { dense: !along.is_empty(), ..Sampling::default() };
+    let ran = plan.stream(part.duration, sampling, &mut |seen| match seen {
+        Seen::Event(event) => events.push(event.clone()),
+        Seen::Segment(segment) => {
+            for (time, weight, state) in segment.quadrature() {
+                let point = part.at(time, state.split_at(plan.q.len()), unknowns);
+                for (sum, function) in sums.iter_mut().zip(along) {
+                    match function.at(&point, &mut workspace) {
+                        Ok(value) => *sum += weight * value,
+                        Err(error) => failed = Some(error),
+                    }
+                }
+            }
+        }
+        _ => {}
+    })?;
+    failed.map_or(Ok((ran.last, events, sums)), Err)
 }
 
-/// The derivatives of a function by the outcome of a run.
-fn by_outcome(run: &LinearRun, place: &Place, slope: &Slope) -> ByOutcome {
+/// The derivatives of a function by the outcome of a run, at its end or at one of its events.
+fn by_outcome(run: &LinearRun, event: Option<usize>, side: usize, slope: &Slope) -> ByOutcome {
     let none = vec![0.0; slope.q.len()];
-    let [before, after] = [0, 1].map(|side| {
-        let q = if side == place.side { &slope.q } else { &none };
-        [q.as_slice(), &slope.qd[side]].concat()
+    let [before, after] = [0, 1].map(|own| {
+        let q = if own == side { &slope.q } else { &none };
+        [q.as_slice(), &slope.qd[own]].concat()
     });
-    let index = place.impact.as_ref().and_then(|_| {
-        let found = place.find(run.happened().flatten())?;
-        run.happened().enumerate().flat_map(|(k, all)| all.iter().map(move |_| k)).nth(found)
-    });
+    // Several may happen at one time.
+    let index =
+        event.and_then(|found| run.happened().enumerate().flat_map(|(k, all)| all.iter().map(move |_| k)).nth(found));
     match index {
         None => ByOutcome { last: after, ..ByOutcome::default() },
         Some(k) => {
             let some =
                 |weights: Vec<f64>| if weights.iter().all(|x| *x == 0.0) { Vec::new() } else { vec![(k, weights)] };
             let times = if slope.time == 0.0 { Vec::new() } else { vec![(k, slope.time)] };
-            ByOutcome { last: vec![0.0; before.len()], times, before: some(before), after: some(after) }
+            ByOutcome {
+                last: vec![0.0; before.len()],
+                times,
+                before: some(before),
+                after: some(after),
+                ..ByOutcome::default()
+            }
         }
     }
 }

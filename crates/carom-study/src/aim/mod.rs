@@ -14,6 +14,7 @@ mod evaluate;
 mod function;
 mod problem;
 mod search;
+mod segments;
 mod torque;
 mod unknown;
 mod written;
@@ -106,6 +107,8 @@ pub enum End {
     Kink,
     /// After the greatest number of steps.
     Steps,
+    /// By the segments of the motion, but not by the motion in one piece, whose errors grow.
+    Segments,
 }
 
 impl End {
@@ -122,6 +125,9 @@ impl End {
                 "all conditions are met; at a kink or jump of the motion, where no shorter step lowers the cost"
             }
             Self::Steps => "all conditions are met; the greatest number of steps is reached, and the cost still falls",
+            Self::Segments => {
+                "all conditions are met in segments, but not in one piece, whose errors grow: add feedback"
+            }
         }
     }
 }

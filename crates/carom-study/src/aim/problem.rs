@@ -1,12 +1,14 @@
 //! Reads a problem file: the scene, the unknowns, the conditions and the cost. The book documents the keys: `book/src/task-aims.md`.
 
 use super::function::Function;
+use super::segments::Guess;
 use super::torque::TorqueKeys;
 use super::unknown::{Given, UnknownKeys};
 use super::{AimError, Found};
 use crate::problem_file;
-use carom_sim::{Plan, Scene, Touch};
+use carom_sim::{Drive, Plan, Scene, Touch};
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -38,6 +40,7 @@ struct ConditionKeys {
     contact: Option<String>,
     impact: Option<usize>,
     side: Option<Side>,
+    along: Option<bool>,
 }
 
 #[derive(Deserialize)]
@@ -50,6 +53,7 @@ struct CostKeys {
     contact: Option<String>,
     impact: Option<usize>,
     side: Option<Side>,
+    along: Option<bool>,
 }
 
 #[derive(Deserialize, Default)]
@@ -57,6 +61,9 @@ struct CostKeys {
 struct SearchKeys {
     tolerance: Option<f64>,
     steps: Option<usize>,
+    segments: Option<usize>,
+    #[serde(default)]
+    guess: BTreeMap<String, String>,
 }
 
 #[derive(Deserialize, Clone, Copy, PartialEq)]
@@ -75,6 +82,7 @@ enum Side {
 /// assert!(found.conditions.iter().all(|condition| condition.miss < 1e-9));
 /// # Ok::<(), carom_study::aim::AimError>(())
 /// ```
+#[derive(Clone)]
 pub struct Problem {
     /// The files that were read.
     pub files: Vec<PathBuf>,
@@ -87,24 +95,35 @@ pub struct Problem {
     pub(super) effort: f64,
     pub(super) tolerance: f64,
     pub(super) steps: usize,
+    pub(super) segments: usize,
+    /// The states between segments.
+    pub(super) guess: Guess,
 }
 
 /// Where a function is evaluated.
 #[derive(Clone)]
-pub(super) struct Place {
-    /// The k-th impact of these touches, k from 0; `None`: the end.
-    pub impact: Option<(String, Vec<usize>, usize)>,
-    /// 0 before, 1 after the impact.
-    pub side: usize,
+pub(super) enum Place {
+    End,
+    /// The k-th impact of these touches, k from 0; side 0 before, 1 after it.
+    Impact {
+        contact: String,
+        touches: Vec<usize>,
+        k: usize,
+        side: usize,
+    },
+    /// It is integrated over the motion.
+    Along,
 }
 
+#[derive(Clone)]
 pub(super) struct Condition {
     pub name: String,
-    pub function: Function,
-    pub place: Place,
+    /// `None`: that a segment begins where the one before ends.
+    pub asked: Option<(Function, Place)>,
     pub bounds: [f64; 2],
 }
 
+#[derive(Clone)]
 pub(super) struct Cost {
     pub name: String,
     pub function: Function,
@@ -170,16 +189,14 @@ impl Problem {
         let names: Vec<String> = unknowns.iter().map(|own| own.name.clone()).collect();
         let plan = scene.plan()?;
         let sim = &plan.simulation;
-        let place = |contact: &Option<String>, impact: Option<usize>, side: Option<Side>| {
-            place(&sim.touches, contact, impact, side)
-        };
         let conditions = file.condition.iter().enumerate().map(|(k, keys)| {
             let read = || {
-                let place = place(&keys.contact, keys.impact, keys.side)?;
-                let function = Function::of(&keys.value, sim, &names, place.impact.is_some())
+                let place = Place::of(&sim.touches, &keys.contact, (keys.impact, keys.side), keys.along)?;
+                let function = Function::of(&keys.value, sim, &names, place.is_impact())
                     .map_err(|why| format!("value = {why}"))?;
-                let (bounds, asked) = asked(keys)?;
-                Ok(Condition { name: format!("{}{} {asked}", keys.value, place.text()), function, place, bounds })
+                let (bounds, told) = asked(keys)?;
+                let name = format!("{}{} {told}", keys.value, place.text());
+                Ok(Condition { name, asked: Some((function, place)), bounds })
             };
             read().map_err(|why: String| refuse(format!("[[condition]] {}: {why}", k + 1)))
         });
@@ -208,18 +225,30 @@ impl Problem {
             if (squared || keys.effort.is_some()) && weight < 0.0 {
                 return Err(refuse(format!("weight = {weight}: that of a square must not be negative")));
             }
-            let place = place(&keys.contact, keys.impact, keys.side).map_err(refuse)?;
-            let function = Function::of(formula, sim, &names, place.impact.is_some()).map_err(refuse)?;
+            let place = Place::of(&sim.touches, &keys.contact, (keys.impact, keys.side), keys.along).map_err(refuse)?;
+            let function = Function::of(formula, sim, &names, place.is_impact()).map_err(refuse)?;
             costs.push(Cost { name: format!("{formula}{}", place.text()), function, place, weight, squared });
         }
         let tolerance = file.search.tolerance.unwrap_or(1e-9);
         if !(tolerance > 0.0 && tolerance.is_finite()) {
             return Err(refuse(format!("[search] tolerance = {tolerance}: it must be positive and finite")));
         }
+        let segments = file.search.segments.unwrap_or(1);
+        let guess = Guess::of(&file.search.guess, sim).map_err(|why| refuse(format!("[search] guess {why}")))?;
+        if segments > 0 && (segments > 1) == file.search.guess.is_empty() {
+            let why = "segments and guess, formulas of time of the state between them, belong together: give both";
+            return Err(refuse(format!("[search] segments = {segments}: {why}")));
+        }
+        let counts = matches!(scene.simulation.drive, Drive::Feedback(_)) || scene.simulation.after_impact.is_some();
+        if segments == 0 || (segments > 1 && counts) {
+            let why =
+                if counts { "the controller counts impacts from the start: leave it out" } else { "give 1 or more" };
+            return Err(refuse(format!("[search] segments = {segments}: {why}")));
+        }
         let (files, warnings) = (scene.files.clone(), scene.warnings.clone());
         let steps = file.search.steps.unwrap_or(100);
-        let given = Given { scene, unknowns, torque };
-        let problem = Self { files, warnings, given, conditions, costs, effort, tolerance, steps };
+        let given = Given { scene, unknowns, torque, knots: Vec::new() };
+        let problem = Self { files, warnings, given, conditions, costs, effort, tolerance, steps, segments, guess };
         // A key that leads nowhere, or a value that the scene refuses, is told now.
         for (k, own) in problem.given.unknowns.iter().enumerate() {
             for bound in own.bounds.into_iter().filter(|bound| bound.is_finite()) {
@@ -265,37 +294,48 @@ impl Condition {
 }
 
 impl Place {
+    pub fn is_impact(&self) -> bool {
+        matches!(self, Self::Impact { .. })
+    }
+
     /// In words, after a formula.
     fn text(&self) -> String {
-        match &self.impact {
-            None => String::new(),
-            Some((contact, _, k)) => {
-                let side = if self.side == 0 { "before" } else { "after" };
+        match self {
+            Self::End => String::new(),
+            Self::Along => " along the motion".into(),
+            Self::Impact { contact, k, side, .. } => {
+                let side = if *side == 0 { "before" } else { "after" };
                 format!(" {side} impact {} of {contact}", k + 1)
             }
         }
     }
-}
 
-fn place(
-    touches: &[Touch],
-    contact: &Option<String>,
-    impact: Option<usize>,
-    side: Option<Side>,
-) -> Result<Place, String> {
-    let Some(name) = contact else {
-        return match (impact, side) {
-            (None, None) => Ok(Place { impact: None, side: 1 }),
-            _ => Err("impact and side belong to a contact: give its name".into()),
+    fn of(
+        touches: &[Touch],
+        contact: &Option<String>,
+        (impact, side): (Option<usize>, Option<Side>),
+        along: Option<bool>,
+    ) -> Result<Self, String> {
+        let Some(name) = contact else {
+            return match (impact, side, along) {
+                (None, None, Some(true)) => Ok(Self::Along),
+                (None, None, _) => Ok(Self::End),
+                _ => Err("impact and side belong to a contact: give its name".into()),
+            };
         };
-    };
-    let meant = Touch::named(touches, name)?;
-    let k = impact.unwrap_or(1);
-    if k == 0 {
-        return Err("impact = 0: the first impact is 1".into());
+        if along == Some(true) {
+            return Err(format!(
+                "contact = \"{name}\" and along: an integral is that over the whole motion, remove one"
+            ));
+        }
+        let meant = Touch::named(touches, name)?;
+        let k = impact.unwrap_or(1);
+        if k == 0 {
+            return Err("impact = 0: the first impact is 1".into());
+        }
+        let side = usize::from(side != Some(Side::Before));
+        Ok(Self::Impact { contact: name.clone(), touches: meant, k: k - 1, side })
     }
-    let side = usize::from(side != Some(Side::Before));
-    Ok(Place { impact: Some((name.clone(), meant, k - 1)), side })
 }
 
 /// The bounds of a condition, and how it is written.

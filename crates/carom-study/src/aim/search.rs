@@ -35,7 +35,7 @@ use std::collections::BTreeMap;
 
 /// Second derivative along directions in which nothing else bends, as a share of ν without a cost, and of the cost's derivatives: of steps
 /// that are equally good the shorter is taken.
-const SHORTER: [f64; 2] = [1e-4, 1e-8];
+const SHORTER: f64 = 1e-8;
 /// Of more unknowns the second derivatives of squares are those of the Gauss-Newton method alone: others are a full matrix.
 const MANY: usize = 100;
 /// A smaller trust radius is that of a kink or a jump.
@@ -138,6 +138,10 @@ impl Problem {
     }
 
     fn solve_from(&self, first: Vec<f64>) -> Result<Found, AimError> {
+        if self.segments > 1 { self.solve_in_segments(first) } else { self.search(first) }
+    }
+
+    pub(super) fn search(&self, first: Vec<f64>) -> Result<Found, AimError> {
         let bounds = self.given.bounds();
         let sizes: Vec<f64> = bounds.iter().zip(self.given.first()).map(|(own, first)| size(*own, first)).collect();
         let mut counts = (1, 1);
@@ -151,7 +155,7 @@ impl Problem {
             let [most, least] = [self.cost_slope(&here).amax(), here.slopes.conditions.amax()];
             weight = if least > 0.0 { (10.0 * most / least).max(1e-6) } else { 1.0 };
         }
-        let heaviest = HEAVIEST * weight;
+        let heaviest = HEAVIEST * weight.max(1.0);
         let mut hessian =
             bends.then(|| DMatrix::identity(sizes.len(), sizes.len()) * self.cost_slope(&here).amax().max(1e-6));
         let is_bent = has_cost && sizes.len() <= MANY;
@@ -167,14 +171,18 @@ impl Problem {
             }
             let own = &here.values.conditions;
             let mut solved = self.model((&here, own), (&sizes, &bounds), hessian.as_ref(), (weight, radius))?;
-            // Whether heavier conditions are missed less.
-            while solved.missed > 0.1 * self.tolerance.max(1e-3 * miss) && weight < heaviest && has_cost {
-                let heavier = self.model((&here, own), (&sizes, &bounds), hessian.as_ref(), (10.0 * weight, radius))?;
-                if heavier.missed > 0.9 * solved.missed {
-                    break;
+            if has_cost && solved.missed > 0.1 * self.tolerance.max(1e-3 * miss) {
+                // The lightest conditions that are missed nearly as little as heavier ones (Byrd, Nocedal & Waltz 2008).
+                let now: f64 = self.misses(&here.values).iter().sum();
+                let (mut least, mut heavier) = (solved.missed, weight);
+                while heavier < heaviest && least > 1e-3 * now {
+                    heavier *= 10.0;
+                    let tried = self.model((&here, own), (&sizes, &bounds), hessian.as_ref(), (heavier, radius))?;
+                    least = least.min(tried.missed);
+                    if tried.missed < 0.9 * solved.missed && solved.missed > least + 0.1 * (now - least) {
+                        (weight, solved) = (heavier, tried);
+                    }
                 }
-                weight *= 10.0;
-                solved = heavier;
             }
             let cost = self.cost(&here.values);
             let scale = if met { cost.abs() } else { weight * miss };
@@ -193,7 +201,7 @@ impl Problem {
             counts.0 += 1;
             let mut there = self.attempt(&tried)?;
             let mut share = there.as_ref().map_or(-1.0, &share_of);
-            if let Some(values) = there.as_ref().filter(|_| share < 0.75 && has_cost && !self.conditions.is_empty()) {
+            if let Some(values) = there.as_ref().filter(|_| share < 0.75 && !self.conditions.is_empty()) {
                 // The conditions bend: once more with what they are at the end of the step.
                 let bent = &here.slopes.conditions * &solved.d;
                 let conditions: Vec<f64> = values.conditions.iter().zip(bent.iter()).map(|(c, jd)| c - jd).collect();
@@ -215,6 +223,9 @@ impl Problem {
             let length = solved.d.amax();
             match taken {
                 Some(there) => {
+                    if has_cost && solved.missed < LEAST {
+                        weight = weight.min((10.0 * solved.multipliers.amax()).max(1e-6));
+                    }
                     if is_bent || hessian.is_some() {
                         let lagrangian = |place: &Place| {
                             let mut slope =
@@ -251,7 +262,7 @@ impl Problem {
             }
         };
         match end {
-            Some(end) => Ok(self.found(here, &first, (steps, end), counts)),
+            Some(end) => Ok(self.found(&here.u, here.values, &first, (steps, end), counts)),
             None => Err(self.not_met(&here, steps.len(), radius)),
         }
     }
@@ -264,9 +275,10 @@ impl Problem {
         }
     }
 
-    fn found(
+    pub(super) fn found(
         &self,
-        here: Place,
+        u: &[f64],
+        values: Values,
         first: &[f64],
         (steps, end): (Vec<Step>, End),
         (runs, differentiated): (usize, usize),
@@ -275,20 +287,16 @@ impl Problem {
         let unknowns = own.map(|(k, (name, bounds))| Unknown {
             name,
             first: first[k],
-            found: here.u[k],
-            at_bound: bounds.contains(&here.u[k]),
+            found: u[k],
+            at_bound: bounds.contains(&u[k]),
         });
-        let misses = self.misses(&here.values);
-        let conditions = self.conditions.iter().enumerate().map(|(k, own)| Met {
-            name: own.name.clone(),
-            value: here.values.conditions[k],
-            miss: misses[k],
-        });
+        let own = self.conditions.iter().zip(&values.conditions).filter(|(own, _)| own.asked.is_some());
+        let conditions = own.map(|(own, value)| Met { name: own.name.clone(), value: *value, miss: own.miss(*value) });
         Found {
             unknowns: unknowns.collect(),
             conditions: conditions.collect(),
-            cost: self.cost(&here.values),
-            events: here.values.events,
+            cost: self.cost(&values),
+            events: values.events,
             steps,
             runs,
             differentiated,
@@ -361,10 +369,8 @@ impl Problem {
         let (first_r, first_t) = (n, n + squares.len());
         let count = first_t + 2 * self.conditions.len();
         let (mut p, mut q) = (Entries::new(count, count), vec![0.0; count]);
-        let [without, with] = SHORTER;
-        let has_cost = !self.costs.is_empty() || self.effort > 0.0;
-        let shorter =
-            if has_cost { with * self.cost_slope(here).amax().max(f64::MIN_POSITIVE) } else { without * weight };
+        let of = if self.has_cost() { self.cost_slope(here).amax().max(f64::MIN_POSITIVE) } else { weight };
+        let shorter = SHORTER * of;
         (0..n).for_each(|i| p.add(i, i, shorter));
         if let Some(hessian) = hessian {
             (0..n).for_each(|j| (0..=j).for_each(|i| p.add(i, j, hessian[(i, j)])));

@@ -2,7 +2,7 @@
 
 use super::torque::Torque;
 use crate::problem_file::{Formulas, evaluated, formulas};
-use carom_sim::{Plan, Scene, SimError};
+use carom_sim::{Moment, Plan, Scene, SimError};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -24,6 +24,8 @@ pub(super) struct Given {
     pub scene: Scene,
     pub unknowns: Vec<Own>,
     pub torque: Option<Torque>,
+    /// Where all segments but the first begin, as displacement and change of velocity from these states: see `segments.rs`.
+    pub knots: Vec<Moment>,
 }
 
 /// An unknown, with its place in the scene: a number of the file, or formulas of it.
@@ -62,10 +64,10 @@ impl Given {
     /// The unknowns at the start of the search.
     pub fn first(&self) -> Vec<f64> {
         let torques = self.torque.iter().flat_map(|own| own.each(&own.first));
-        self.unknowns.iter().map(|own| own.first).chain(torques).collect()
+        self.unknowns.iter().map(|own| own.first).chain(torques).chain(self.of_knots(0.0)).collect()
     }
 
-    /// Their names.
+    /// Their names, but for those of knots.
     pub fn names(&self) -> Vec<String> {
         let torques = self.torque.iter().flat_map(|own| {
             own.joints.iter().flat_map(|joint| (0..own.count).map(move |k| format!("torque {joint} {}", k + 1)))
@@ -76,7 +78,13 @@ impl Given {
     /// Their bounds.
     pub fn bounds(&self) -> Vec<[f64; 2]> {
         let torques = self.torque.iter().flat_map(|own| own.each(&own.bounds));
-        self.unknowns.iter().map(|own| own.bounds).chain(torques).collect()
+        let free = self.of_knots([f64::NEG_INFINITY, f64::INFINITY]);
+        self.unknowns.iter().map(|own| own.bounds).chain(torques).chain(free).collect()
+    }
+
+    /// This for each number of the knots.
+    fn of_knots<T: Copy>(&self, each: T) -> impl Iterator<Item = T> {
+        self.knots.iter().flat_map(move |knot| std::iter::repeat_n(each, 2 * knot.qd.len()))
     }
 
     /// The scene at these values; its torques are in [`Given::plan`].
