@@ -1,20 +1,39 @@
 //! Further starts of the iteration if it does not converge.
 //!
+//! Problems of many contacts with a singular H have solutions that sweeps and Newton steps hardly find from zero. The proximal
+//! point method (Rockafellar 1976) leads there: a problem whose H has a share of each constraint's h added to it, around the
+//! solution of the one before. The first share is 1; it decreases after each problem that is solved, and increases after each
+//! that is not.
+//!
 //! In inelastic problems with few degrees of freedom and large friction, about one in a thousand makes sweeps and
-//! Newton steps alternate between two modes, while they converge from another start. The first start therefore gets a
-//! seventh of the iterations, and the rest go to other starts: the impulses without friction, ten times the best so far,
-//! and random ones of one to a thousand times its size, drawn with a fixed seed. Every second one lets F grow for some
-//! steps between regularised problems, since either rule solves problems that the other misses.
+//! Newton steps alternate between two modes, while they converge from another start. The last iterations go to other
+//! starts: the impulses without friction, ten times the best so far, and random ones of one to a thousand times its size,
+//! drawn with a fixed seed.
 
 use nalgebra::DVector;
 
 use super::natural_map::{NaturalMap, Point};
 use super::response::Response;
-use super::solve::{Found, RECENT, solve};
+use super::solve::{Found, solve};
 use super::{Accuracy, SeveralProblem};
 
-/// One start gets the iterations divided by this number.
+/// The first start, and each problem of the proximal point method, gets the iterations divided by this number.
+const SHORT: usize = 40;
+
+/// Each other start gets the iterations divided by this number.
 const SHARE: usize = 7;
+
+/// Iterations on the problem itself after each of the proximal point method.
+const STEPS: usize = 8;
+
+/// Factors of the share that is added to H: after a problem that is solved, and after one that is not.
+const FACTORS: [f64; 2] = [0.3, 3.0];
+
+/// The largest share.
+const LARGEST: f64 = 100.0;
+
+/// Residual of a problem of the proximal point method that is solved.
+const SOLVED: f64 = 1e-9;
 
 /// Solves, from several starts if needed; returns the best result, with all iterations counted.
 pub(super) fn solve_patiently(problem: &SeveralProblem, accuracy: &Accuracy, start: Option<&DVector<f64>>) -> Found {
@@ -52,15 +71,33 @@ fn exact_residual(map: &NaturalMap, impulse: &mut DVector<f64>) -> f64 {
 }
 
 fn from_starts(map: &NaturalMap, accuracy: &Accuracy, start: Option<&DVector<f64>>) -> Found {
-    let each = (accuracy.max_iterations / SHARE).max(1);
-    let mut left = accuracy.max_iterations;
-    let mut run = |map: &NaturalMap, start: Option<&DVector<f64>>, recent: usize| {
-        let found = solve(map, &Accuracy { max_iterations: each.min(left), ..*accuracy }, start, recent);
-        // At least one is counted, so that the loop ends.
+    let whole = accuracy.max_iterations;
+    let mut left = whole;
+    let mut run = |map: &NaturalMap, start: Option<&DVector<f64>>, most: usize| {
+        let found = solve(map, &Accuracy { max_iterations: most.max(1).min(left), ..*accuracy }, start);
+        // At least one is counted, so that the loops end.
         left -= found.iterations.max(1).min(left);
         (found, left)
     };
-    let (mut best, mut left) = run(map, start, 1);
+    let (mut best, mut left) = run(map, start, whole / SHORT);
+    let better = |found: &Found, best: &Found| {
+        found.residual <= accuracy.tolerance
+            || map.cost(found.residual, &found.impulse) < map.cost(best.residual, &best.impulse)
+    };
+    let (mut p, mut share) = (DVector::zeros(best.impulse.len()), 1.0);
+    while best.residual > accuracy.tolerance && left > whole / SHARE && share <= LARGEST {
+        let mut found;
+        (found, left) = run(&map.regularised(share, &p), Some(&p), whole / SHORT);
+        let is_solved = found.residual <= SOLVED;
+        share *= FACTORS[usize::from(!is_solved)];
+        if is_solved {
+            p = found.impulse;
+            (found, left) = run(map, Some(&p), STEPS);
+            if better(&found, &best) {
+                best = found;
+            }
+        }
+    }
     let mut draw = fastrand::Rng::with_seed(0);
     for attempt in 0_u64.. {
         if best.residual <= accuracy.tolerance || left == 0 {
@@ -68,7 +105,7 @@ fn from_starts(map: &NaturalMap, accuracy: &Accuracy, start: Option<&DVector<f64
         }
         let size = best.impulse.amax();
         let start = match attempt {
-            0 => run(&map.with_friction(0.0), None, 1).0.impulse,
+            0 => run(&map.with_friction(0.0), None, whole / SHARE).0.impulse,
             1 => &best.impulse * 10.0,
             _ => {
                 let size = size * 10.0_f64.powi((attempt % 4) as i32);
@@ -76,12 +113,10 @@ fn from_starts(map: &NaturalMap, accuracy: &Accuracy, start: Option<&DVector<f64
             }
         };
         let found;
-        (found, left) = run(map, Some(&start), if attempt % 2 == 0 { RECENT } else { 1 });
-        if found.residual <= accuracy.tolerance
-            || map.cost(found.residual, &found.impulse) < map.cost(best.residual, &best.impulse)
-        {
+        (found, left) = run(map, Some(&start), whole / SHARE);
+        if better(&found, &best) {
             best = found;
         }
     }
-    Found { iterations: accuracy.max_iterations - left, ..best }
+    Found { iterations: whole - left, ..best }
 }

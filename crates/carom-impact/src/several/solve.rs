@@ -14,15 +14,12 @@ use super::{Accuracy, Constraint};
 /// Sweeps before the first attempt of Newton's method; doubled after each failure.
 const FIRST_SWEEPS: usize = 1;
 
-/// Number of sweeps from which on regularised problems are tried as well.
-const PATIENT: usize = 8;
-
 /// Newton steps in one attempt.
 const NEWTON_STEPS: usize = 24;
 
 /// A Newton step has to make F shorter than the longest of this number of steps before, so that F may grow where a
 /// constraint changes its mode.
-pub(super) const RECENT: usize = 3;
+const RECENT: usize = 3;
 
 /// Regularisations of a Newton step, each tried if the one before fails, as shares of each constraint's h. The first is
 /// as small as the cancellation in the step allows: its rounding is ε over the share, relative to the velocities.
@@ -39,9 +36,8 @@ pub(super) struct Found {
     pub iterations: usize,
 }
 
-/// From one start. Newton steps between regularised problems have to make F shorter than the longest of the `recent`
-/// last ones.
-pub(super) fn solve(map: &NaturalMap, accuracy: &Accuracy, start: Option<&DVector<f64>>, recent: usize) -> Found {
+/// From one start.
+pub(super) fn solve(map: &NaturalMap, accuracy: &Accuracy, start: Option<&DVector<f64>>) -> Found {
     let mut search = Search::new(map, accuracy);
     if let Some(start) = start {
         search.kept.p.copy_from(start);
@@ -49,7 +45,7 @@ pub(super) fn solve(map: &NaturalMap, accuracy: &Accuracy, start: Option<&DVecto
     search.keep(map, None);
     let mut p = search.best.clone();
     if start.is_some() {
-        search.newton(map, map, &mut p.clone(), RECENT);
+        search.newton(map, &mut p.clone());
     }
     let mut sweeps = FIRST_SWEEPS;
     while search.goes_on() {
@@ -60,10 +56,7 @@ pub(super) fn solve(map: &NaturalMap, accuracy: &Accuracy, start: Option<&DVecto
             search.sweep(map, &mut p);
             search.keep(map, Some(&p));
         }
-        search.newton(map, map, &mut p.clone(), RECENT);
-        if sweeps >= PATIENT {
-            search.proximal(map, &p, recent);
-        }
+        search.newton(map, &mut p.clone());
         sweeps *= 2;
     }
     Found { impulse: search.best, residual: search.residual, iterations: accuracy.max_iterations - search.left }
@@ -133,60 +126,42 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Newton's method with step halving on `near`, which is `map` or a regularised form of it; changes `p`. F gets
-    /// shorter than the longest of the `recent` last ones.
-    fn newton(&mut self, map: &NaturalMap, near: &NaturalMap, p: &mut DVector<f64>, recent: usize) {
+    /// Newton's method with step halving; changes `p`. F gets shorter than the longest of the [`RECENT`] last ones.
+    fn newton(&mut self, map: &NaturalMap, p: &mut DVector<f64>) {
         self.here.p.copy_from(p);
-        near.evaluate(&mut self.here);
+        map.evaluate(&mut self.here);
         let mut sizes = [0.0_f64; RECENT];
         for step in 0..NEWTON_STEPS {
             let size = self.here.f.norm();
             if !self.goes_on() || size == 0.0 || !self.step() {
                 return;
             }
-            sizes[step % recent] = size;
+            sizes[step % RECENT] = size;
             let longest = sizes.iter().fold(0.0_f64, |most, size| most.max(*size));
-            if !SHARES.into_iter().any(|share| self.shorter(near, longest, share)) {
+            if !SHARES.into_iter().any(|share| self.shorter(map, longest, share)) {
                 return;
             }
             std::mem::swap(&mut self.here, &mut self.next);
             // Without the rounding of the larger numbers before.
-            near.evaluate(&mut self.here);
+            map.evaluate(&mut self.here);
             p.copy_from(&self.here.p);
             self.keep(map, Some(p));
         }
     }
 
     /// A Newton step with step halving from `here` to `next`, where F is shorter than `size`; false if there is none.
-    fn shorter(&mut self, near: &NaturalMap, size: f64, regularisation: f64) -> bool {
+    fn shorter(&mut self, map: &NaturalMap, size: f64, regularisation: f64) -> bool {
         let most = if regularisation < LARGEST { 0.5 * size } else { f64::INFINITY };
-        self.newton.solve(near, &self.here, regularisation).is_some_and(|left| left <= most)
+        self.newton.solve(map, &self.here, regularisation).is_some_and(|left| left <= most)
             && (0..12).map(|halvings| 0.5_f64.powi(halvings)).any(|share| {
                 let (here, next) = (&self.here, &mut self.next);
                 next.p.copy_from(&here.p);
                 next.p.axpy(-share, &self.newton.step, 1.0);
                 next.y.copy_from(&here.y);
                 next.y.axpy(-share, &self.newton.moved, 1.0);
-                near.value(&next.p, &next.y, &mut next.f);
+                map.value(&next.p, &next.y, &mut next.f);
                 next.f.norm() < size * (1.0 - 1e-4 * share)
             })
-    }
-
-    /// A sequence of regularised problems, each started at the solution of the previous one, with decreasing
-    /// regularisation.
-    fn proximal(&mut self, map: &NaturalMap, start: &DVector<f64>, recent: usize) {
-        let mut p = start.clone();
-        for decade in 1..=8 {
-            let near = map.regularised(0.1_f64.powi(decade), &p);
-            for _ in 0..3 {
-                if !self.goes_on() || !self.step() {
-                    return;
-                }
-                self.sweep(&near, &mut p);
-            }
-            self.newton(map, &near, &mut p, recent);
-            self.newton(map, map, &mut p.clone(), recent);
-        }
     }
 
     /// Solves every constraint once, with the current impulses of the others.
