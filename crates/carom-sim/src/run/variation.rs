@@ -50,6 +50,16 @@ fn memory(lasting: &mut [Lasting]) -> impl Iterator<Item = &mut f64> {
     pressing.flatten().flatten()
 }
 
+/// The variational equations at a time.
+struct Slopes {
+    /// A.
+    slope: DMatrix<f64>,
+    /// P.
+    push: DMatrix<f64>,
+    /// Where a joint floats the map from x to the directions in which it can change.
+    inverse: Option<DMatrix<f64>>,
+}
+
 impl<A: Space> Run<'_, '_, A> {
     /// x at the present state.
     pub fn x(&mut self) -> Vec<f64> {
@@ -118,13 +128,7 @@ impl<A: Space> Run<'_, '_, A> {
         self.motion.active.lasting.iter().any(slips)
     }
 
-    /// A and P, and where a joint floats the map from x to what it can change by.
-    fn slopes(
-        &mut self,
-        time: f64,
-        x: &[f64],
-        changed: &mut [&mut Changed<A>],
-    ) -> Result<([DMatrix<f64>; 2], Option<DMatrix<f64>>), SimError> {
+    fn slopes(&mut self, time: f64, x: &[f64], changed: &mut [&mut Changed<A>]) -> Result<Slopes, SimError> {
         let tangent = self.tangent(x);
         let y = self.y_of(x);
         if self.slips() {
@@ -148,10 +152,10 @@ impl<A: Space> Run<'_, '_, A> {
             }
         }
         if tangent.is_square() {
-            return Ok(([slope, push], None));
+            return Ok(Slopes { slope, push, inverse: None });
         }
         let inverse = left_inverse(&tangent);
-        Ok(([slope * &inverse, push], Some(inverse)))
+        Ok(Slopes { slope: slope * &inverse, push, inverse: Some(inverse) })
     }
 
     /// A along the tangent and P, by the linearised motion.
@@ -334,7 +338,7 @@ impl LinearStep {
             let x = run.x_of(state, &memory);
             n = x.len();
             states.push(x[..nq + nv].to_vec());
-            let ([slope, push], inverse) = run.slopes(step.start + h * point, &x, &mut changed)?;
+            let Slopes { slope, push, inverse } = run.slopes(step.start + h * point, &x, &mut changed)?;
             inverses.extend(inverse.map(|inverse| inverse.rows(0, 2 * nv).into_owned()));
             slopes.push(slope.rows(known, n - known).into_owned());
             pushes.push(push.rows(known, n - known).into_owned());
