@@ -71,6 +71,12 @@ fn a_run_without_a_derivative_has_no_linear_run() {
     let run = plan.linear_run(0.1, &[]).unwrap();
     let told = run.vjp(&[1.0], &[]).unwrap_err().to_string();
     assert!(told.contains("number of derivatives by the final state"), "{told}");
+    // Derivatives along the motion: one for each point, of the length of a displacement and a velocity.
+    let (_, by) = run.integral(|_, _, _| Ok((1.0, vec![0.0; 12]))).unwrap();
+    let mut short = by.clone();
+    short.along[1].pop();
+    let few = ByOutcome { along: by.along[1..].to_vec(), ..by.clone() };
+    assert!(run.gradient(&by).is_ok() && run.gradient(&short).is_err() && run.gradient(&few).is_err());
     assert!(run.jvp(&[1.0; 7]).is_err() && run.vjp(&[0.0, 1.0], &[1.0; 9]).is_err());
 }
 

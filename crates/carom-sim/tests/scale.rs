@@ -229,7 +229,7 @@ const INSTANT: f64 = 1e-8;
 /// What differs between a scene and the same in other units; `None` if nothing does.
 fn difference(path: &Path, by: Factors, folder: &Path) -> Option<String> {
     // The absolute tolerance has a unit: with longer times velocities are smaller, and their steps are coarser.
-    let tolerance = if by.time > 1.0 { 1e-10 } else { f64::INFINITY };
+    let tolerance = if by.time > 1.0 { 3e-11 } else { f64::INFINITY };
     let (one, other) = (scaled(path, Factors::ONE, tolerance, folder), scaled(path, by, tolerance, folder));
     let (events, times, q, qd) = outcome(&one);
     let (found_events, mut found_times, found_q, found_qd) = outcome(&other);
@@ -252,9 +252,7 @@ fn difference(path: &Path, by: Factors, folder: &Path) -> Option<String> {
     let (instants, found_instants) = (told(&events, &times), told(&found_events, &found_times));
     let here = |k: usize| (instants.get(k), found_instants.get(k));
     let same = |k: &usize| match here(*k) {
-        (Some((time, events)), Some((found_time, found))) => {
-            (time - found_time).abs() <= NEAR * (1 + *k) as f64 && events == found
-        }
+        (Some((time, events)), Some((found_time, found))) => (time - found_time).abs() <= NEAR && events == found,
         (one, other) => one.is_none() && other.is_none(),
     };
     if let Some(k) = (0..instants.len().max(found_instants.len())).find(|k| !same(k)) {
@@ -272,7 +270,7 @@ fn difference(path: &Path, by: Factors, folder: &Path) -> Option<String> {
     (most > NEAR).then(|| format!("{what} differ by {most:.1e}"))
 }
 
-/// Ten times the largest tolerance of the scenes, whose errors depend on the steps; each instant adds an error to the times of the next ones.
+/// Ten times the largest tolerance of the scenes, whose errors depend on the steps.
 const NEAR: f64 = 1e-7;
 
 /// A scene with bodies that rest side by side in its motion: whether their contact lasts or opens is decided by rounding. In other times only its

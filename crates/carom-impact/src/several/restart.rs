@@ -16,6 +16,7 @@ use super::natural_map::{NaturalMap, Point};
 use super::response::Response;
 use super::solve::{Found, solve};
 use super::{Accuracy, SeveralProblem};
+use crate::rounding::SOLVED;
 
 /// The first start, and each problem of the proximal point method, gets the iterations divided by this number.
 const SHORT: usize = 40;
@@ -30,10 +31,7 @@ const STEPS: usize = 8;
 const FACTORS: [f64; 2] = [0.3, 3.0];
 
 /// The largest share.
-const LARGEST: f64 = 100.0;
-
-/// Residual of a problem of the proximal point method that is solved.
-const SOLVED: f64 = 1e-9;
+const MOST: f64 = 100.0;
 
 /// Solves, from several starts if needed; returns the best result, with all iterations counted.
 pub(super) fn solve_patiently(problem: &SeveralProblem, accuracy: &Accuracy, start: Option<&DVector<f64>>) -> Found {
@@ -85,10 +83,10 @@ fn from_starts(map: &NaturalMap, accuracy: &Accuracy, start: Option<&DVector<f64
             || map.cost(found.residual, &found.impulse) < map.cost(best.residual, &best.impulse)
     };
     let (mut p, mut share) = (DVector::zeros(best.impulse.len()), 1.0);
-    while best.residual > accuracy.tolerance && left > whole / SHARE && share <= LARGEST {
+    while best.residual > accuracy.tolerance && left > whole / SHARE && share <= MOST {
         let mut found;
         (found, left) = run(&map.regularised(share, &p), Some(&p), whole / SHORT);
-        let is_solved = found.residual <= SOLVED;
+        let is_solved = found.residual <= accuracy.tolerance.max(SOLVED);
         share *= FACTORS[usize::from(!is_solved)];
         if is_solved {
             p = found.impulse;

@@ -91,7 +91,7 @@ pub(crate) fn leg(
     };
     let left = end - observer.reached;
     let (stalled, step) = match ended {
-        // No step is shorter than the rounding of the time: what is left is none.
+        // The integrators refuse steps shorter than the rounding of the time. A rest of this length is zero.
         Err(SimError::Integration { .. }) if left <= ROUNDING * end.abs() => (None, None),
         Err(SimError::Integration { reason, .. }) => (Some(reason), None),
         done => (None, Some(done?.step)),
@@ -305,7 +305,7 @@ mod tests {
         (found, statistics, flow.latest)
     }
 
-    /// No integrator makes a step of the rounding of the time: what is left is none.
+    /// The integrators refuse steps shorter than the rounding of the time.
     #[test]
     fn a_leg_that_has_reached_its_end_to_rounding_has_ended() {
         for integrator in [Integrator::DormandPrince, Integrator::Radau] {

@@ -391,8 +391,10 @@ impl LinearRun {
         let told = self.told().count();
         let mut points = 4 * self.pieces.iter().filter(|piece| matches!(piece, Piece::Step(_))).count();
         for by in all {
-            if let Some(own) = by.along.first() {
+            if !by.along.is_empty() {
                 self.check("number of points of quadrature", by.along.len(), points)?;
+            }
+            for own in &by.along {
                 self.check("number of derivatives by a state", own.len(), self.tangent.nrows())?;
             }
             self.check("number of derivatives by the final state", by.last.len(), self.tangent.nrows())?;

@@ -46,7 +46,7 @@ const LEAST: f64 = 1e-10;
 const INSIDE: f64 = 1e-9;
 /// Random values that are run for each start of a search from many.
 const DRAWS: usize = 20;
-/// Largest weight of the conditions, as a multiple of the first one.
+/// Largest weight of the conditions, as a multiple of the first one, if this is above 1.
 const HEAVIEST: f64 = 1e8;
 
 /// A place of the search.

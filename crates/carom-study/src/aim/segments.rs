@@ -134,9 +134,9 @@ impl Guess {
 }
 
 impl Problem {
-    /// The problem in segments, which begin at the guessed states.
-    fn in_segments(&self) -> Result<Self, AimError> {
-        let (plan, duration) = self.given.plan(&self.given.first())?;
+    /// The problem in segments, which begin at the guessed states of the motion with these unknowns.
+    fn in_segments(&self, first: &[f64]) -> Result<Self, AimError> {
+        let (plan, duration) = self.given.plan(first)?;
         let (mut given, mut conditions) = (self.given.clone(), self.conditions.clone());
         for k in 1..self.segments {
             let names = plan.simulation.state_names();
@@ -153,7 +153,7 @@ impl Problem {
 
     /// Looks in segments, and then from there for the motion in one piece.
     pub(super) fn solve_in_segments(&self, first: Vec<f64>) -> Result<Found, AimError> {
-        let split = self.in_segments()?;
+        let split = self.in_segments(&first)?;
         let knots = split.given.first().split_off(first.len());
         let found = split.search([first, knots].concat())?;
         let whole = Self { segments: 1, ..self.clone() };
@@ -168,12 +168,13 @@ impl Problem {
         };
         match whole.search(found.values()) {
             Ok(last) => Ok(joined(last)),
-            Err(AimError::NotMet { .. }) => {
+            Err(stopped @ AimError::Run(SimError::Stopped { .. })) => Err(stopped),
+            // It misses the conditions, or errors grow so far that it has other events or no derivative.
+            Err(_) => {
                 let u = found.values();
                 let values = whole.values(&u)?;
                 Ok(joined(whole.found(&u, values, &u, (Vec::new(), End::Segments), (1, 0))))
             }
-            Err(error) => Err(error),
         }
     }
 }
