@@ -1,7 +1,6 @@
 //! A run as a linear map from changes of its start and parameters to those of its outcome, and its transpose.
 
-use super::sampler::Step;
-use super::trajectory::Event;
+use super::trajectory::{Event, Step};
 use super::variation::{Gauss, LinearStep};
 use crate::error::{SimError, require};
 use crate::state::Moment;

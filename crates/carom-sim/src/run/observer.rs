@@ -22,8 +22,8 @@
 
 use super::flow::System;
 use super::guard::GuardValue;
-use super::sampler::{Sampler, Step};
-use super::trajectory::Segment;
+use super::sampler::Sampler;
+use super::trajectory::{Segment, Step};
 use crate::state::{EQUAL, ROUNDING, STEPS};
 use carom_impact::roots::descent;
 use ivp::dense::StepInterpolant;

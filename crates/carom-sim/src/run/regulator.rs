@@ -27,7 +27,7 @@
 
 use super::follow::{Broken, differentiate};
 use super::linear_run::{AllColumns, Maps, Piece};
-use super::sampler::Step;
+use super::trajectory::Step;
 use super::variation::{Gauss, LinearStep, left_inverse};
 use crate::error::{SimError, require};
 use crate::model::{Drive, Feedback, FeedbackRow, Motor, Parameter, TorqueTable, motors};

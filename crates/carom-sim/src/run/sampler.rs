@@ -1,6 +1,6 @@
 //! What a run outputs between its events.
 
-use super::trajectory::{Sampling, Seen, Segment};
+use super::trajectory::{Sampling, Seen, Segment, Step};
 use crate::motion::ContactState;
 use crate::state::Moment;
 
@@ -26,25 +26,6 @@ pub(crate) struct Sampler<'a> {
     pub watch: &'a mut dyn FnMut(Seen),
     /// The integration steps of the last leg, if they are wanted.
     pub path: Option<Vec<Step>>,
-}
-
-/// One integration step: its states at given points.
-#[derive(Debug, Clone)]
-pub(crate) struct Step {
-    pub start: f64,
-    pub end: f64,
-    /// At `start + (end − start) c` for the points c of [`Step::POINTS`].
-    pub states: Vec<Vec<f64>>,
-}
-
-impl Step {
-    /// Gauss's points: the zeros of Legendre's polynomial of degree 4, in 0 … 1.
-    pub const POINTS: [f64; 4] =
-        [0.069_431_844_202_973_71, 0.330_009_478_207_571_9, 0.669_990_521_792_428_1, 0.930_568_155_797_026_3];
-
-    /// The weights of Gauss's quadrature at them: ∫ g dt = (end − start) Σ b g with order 8.
-    pub const WEIGHTS: [f64; 4] =
-        [0.173_927_422_568_726_93, 0.326_072_577_431_273_07, 0.326_072_577_431_273_07, 0.173_927_422_568_726_93];
 }
 
 impl Sampler<'_> {

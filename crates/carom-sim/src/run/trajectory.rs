@@ -1,7 +1,6 @@
 //! The results of a simulation: events with the states before and after, the motion between them, the reason for the end,
 //! solver statistics and the energy balance.
 
-use super::sampler::Step;
 use crate::contact::ContactMode;
 use crate::impact::{ChainImpact, ImpactLoads};
 use crate::motion::{ContactState, NonUnique};
@@ -260,6 +259,25 @@ impl Segment {
             [self.start, self.start + half].map(|start| points.clone().map(move |(c, b)| (start + half * c, half * b)));
         times.into_iter().flatten().map(|(time, weight)| (time, weight, self.at(time)))
     }
+}
+
+/// One integration step: its states at given points.
+#[derive(Debug, Clone)]
+pub(crate) struct Step {
+    pub start: f64,
+    pub end: f64,
+    /// At `start + (end − start) c` for the points c of [`Step::POINTS`].
+    pub states: Vec<Vec<f64>>,
+}
+
+impl Step {
+    /// Gauss's points: the zeros of Legendre's polynomial of degree 4, in 0 … 1.
+    pub const POINTS: [f64; 4] =
+        [0.069_431_844_202_973_71, 0.330_009_478_207_571_9, 0.669_990_521_792_428_1, 0.930_568_155_797_026_3];
+
+    /// The weights of Gauss's quadrature at them: ∫ g dt = (end − start) Σ b g with order 8.
+    pub const WEIGHTS: [f64; 4] =
+        [0.173_927_422_568_726_93, 0.326_072_577_431_273_07, 0.326_072_577_431_273_07, 0.173_927_422_568_726_93];
 }
 
 /// Output of a run, passed to the callback of [`Simulation::stream`](crate::Simulation::stream).

@@ -14,7 +14,7 @@
 
 use super::changed::{AT, Changed, DIFFERENCE, WEIGHTS};
 use super::run_state::Run;
-use super::sampler::Step;
+use super::trajectory::Step;
 use crate::error::SimError;
 use crate::model::Place;
 use crate::motion::{Hold, Lasting, Linear};
