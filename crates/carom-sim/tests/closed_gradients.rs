@@ -1,10 +1,11 @@
 //! Derivatives of whole runs against closed forms.
 
-use carom_impact::Newton;
-use carom_sim::{ContactRule, Drive, Gains, Parameter, Pd, Scene, Simulation, Touch};
+use carom_impact::{KelvinVoigt, Newton};
+use carom_sim::{Compliance, ContactRule, Drive, Gains, Parameter, Pd, Scene, Simulation, Touch, Yielding};
 use carom_testing::build::{self, Part, X, Y, Z, chain, falling_ball};
 use carom_testing::scenes::{changed, newton, on_floor, with_robots};
 use nalgebra::{DMatrix, Vector3};
+use std::f64::consts::PI;
 
 /// A ball of radius 0.1 m on a vertical slider over the floor z = 0.
 pub fn ball(contact: ContactRule) -> Simulation {
@@ -213,5 +214,47 @@ fn numbers_at_an_end_of_their_range_have_the_derivative_on_the_side_that_there_i
     let found = by(&slides, "contact.friction", 0.2);
     for (k, expected) in [(0, -0.5 * g * 0.04), (6, -g * 0.2)] {
         assert!((found[k] - expected).abs() < 1e-8, "{k}: {} {expected}", found[k]);
+    }
+}
+
+/// Without gravity a ball leaves a compliant floor with e v. Its force vanishes after a time τ that does not depend on v, at the penetration d:
+///
+/// | | ω², ζ | τ | d |
+/// | --- | --- | --- | --- |
+/// | Kelvin & Voigt | k/m, as e asks | 2 acos ζ/(√(1 − ζ²) ω) | c e v/k = 2 ζ e v/ω |
+/// | Walton & Braun | k/m | ½ π (1 + e)/ω | (1 − e²) v/ω |
+///
+/// So it is at −d + e v (T − h/v − τ) at the end, with d and τ proportional to 1/√k.
+#[test]
+fn a_bounce_whose_force_vanishes_before_it_opens_has_its_closed_form_gradient() {
+    let (m, k, e, v, h, end) = (2.0_f64, 5e3, 0.6, 1.5, 0.3, 0.5);
+    let omega = (k / m).sqrt();
+    for normal in [Yielding::KelvinVoigt { pulls: false }, Yielding::WaltonBraun] {
+        let law = Newton { restitution: e, friction: 0.0 };
+        let compliance = Some(Compliance { normal, ..Compliance::new(k) });
+        let sim = ball(ContactRule { compliance, ..ContactRule::new(law) });
+        let sim = Simulation { gravity: Vector3::zeros(), ..sim };
+        let stiffness =
+            Parameter::new("k", k, |sim, delta| sim.touches[0].contact.compliance.as_mut().unwrap().stiffness += delta);
+        let found = sim.sensitivity(&[h + 0.1], &[-v], end, &[stiffness]).unwrap();
+        let (tau, d) = if normal == Yielding::WaltonBraun {
+            (0.5 * PI * (1.0 + e) / omega, (1.0 - e * e) * v / omega)
+        } else {
+            let zeta = KelvinVoigt::new(k, e).unwrap().damping_ratio();
+            (2.0 * zeta.acos() / ((1.0 - zeta * zeta).sqrt() * omega), 2.0 * zeta * e * v / omega)
+        };
+        let kinds: Vec<_> = found.events.iter().flat_map(|event| &event.kinds).copied().collect();
+        assert_eq!(kinds, ["pressing", "lift-off"]);
+        let last = -d + e * v * (end - h / v - tau);
+        assert!((found.last.q[0] - 0.1 - last).abs() < 1e-9, "{normal:?}: {} {last}", found.last.q[0] - 0.1);
+        let by = found.last_by.unwrap();
+        // By a share of k, not by 1 N/m.
+        let exact = [[-e, 0.0], [d / v - e * (end - tau), -e], [0.5 * (d + e * v * tau), 0.0]];
+        for (j, (exact, unit)) in exact.iter().zip([1.0, 1.0, k]).enumerate() {
+            for (row, exact) in exact.iter().enumerate() {
+                let apart = by[(row, j)] * unit - exact;
+                assert!(apart.abs() < 1e-8, "{normal:?} {row} by {}: {apart:e} of {exact}", found.names[j]);
+            }
+        }
     }
 }

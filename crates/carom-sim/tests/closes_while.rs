@@ -119,13 +119,37 @@ fn conditions_that_are_no_functions_of_joints_are_refused_with_key_and_value() {
     }
 }
 
-/// Time steps do not follow conditions: a walker would fall through the floor, or stand on the foot that swings.
+/// Past the floor, a landing on it, and rest on it after the condition has ceased: as with events.
 #[test]
-fn a_condition_with_time_steps_is_refused() {
-    let steps = |condition: &str| scene_by("method = \"steps\"", condition, [0.1, 0.2, 0.0], BOUNCE);
-    let refused = steps("closes_while = \"x\"").unwrap_err().to_string();
-    assert!(refused.contains("closes_while of ball on floor") && refused.contains("method = \"steps\""), "{refused}");
-    steps("").unwrap();
+fn time_steps_follow_conditions() {
+    let last = |method: &str, condition: &str, start: [f64; 3]| {
+        let run_of = scene_by(&format!("method = \"{method}\""), condition, start, "restitution = 0").unwrap();
+        run(&run_of).unwrap().summary.last.q
+    };
+    for (condition, start, height) in [
+        ("closes_while = \"x - 2\"", [0.1, 0.2, 0.0], 0.2 - 5.0),
+        ("closes_while = \"x\"", [-0.2, -0.2, 3.0], 0.0),
+        ("closes_while = \"0.5 - x\"", [0.1, 0.2, 0.0], 0.0),
+        ("closes_while = \"0.5 - x\"", [0.1, 0.0, 0.0], 0.0),
+        ("closes_while = \"0.5 - x\"", [0.35, 0.2, 0.0], 0.2 - 5.0),
+    ] {
+        for method in ["events", "steps"] {
+            let q = last(method, condition, start);
+            assert!(
+                (q[0] - start[0] - 1.0).abs() < 1e-9 && (q[1] - height).abs() < 1e-9,
+                "{method} {condition}: {q:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_condition_that_begins_to_hold_inside_the_floor_is_refused_by_time_steps_too() {
+    let steps = scene_by("method = \"steps\"", "closes_while = \"x\"", [-0.5, 0.2, 0.0], BOUNCE).unwrap();
+    let Err(SimError::ClosesInside { time, touch, depth, .. }) = run(&steps) else { panic!("it was not refused") };
+    // Within a time step of 1 ms, in which it falls 5 mm.
+    assert!((time - 0.5).abs() <= 1.001e-3 && touch == "ball on floor", "{time} {touch}");
+    assert!((depth - (5.0 * 0.25 - 0.2)).abs() < 6e-3, "{depth}");
 }
 
 /// Impacts are counted by time steps, too: the controller after the first impact pushes the body up.

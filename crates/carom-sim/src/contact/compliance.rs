@@ -90,6 +90,22 @@ pub(crate) struct Memory {
     pub deflection: Vector3<f64>,
 }
 
+/// How far a compliant contact is from where its normal force vanishes: see [`Compliance::slack`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Slack {
+    /// As a penetration, m.
+    Depth(f64),
+    /// As a velocity, m/s.
+    Speed(f64),
+}
+
+impl Slack {
+    pub fn value(self) -> f64 {
+        let (Self::Depth(value) | Self::Speed(value)) = self;
+        value
+    }
+}
+
 /// Force of a compliant contact, N, and rate of the bristle's deflection, m/s; world.
 pub(crate) struct Pressed {
     pub force: Vector3<f64>,
@@ -118,15 +134,23 @@ impl Compliance {
         matches!(self.tangential, Holding::Bristle { .. })
     }
 
-    /// By how much the contact is deeper than where its normal force vanishes before it opens, m; `None` where it does not: Kelvin &
-    /// Voigt's without pull at d = −(c/k) ḋ, Walton & Braun's at the residual penetration, once it was unloaded.
-    pub(crate) fn slack(&self, law: &ContactLaw, memory: &Memory, (gap, rate): (f64, f64)) -> Option<f64> {
+    /// How far the contact is from where its normal force vanishes although it is not open, negative where it has vanished; `None` where that
+    /// cannot be.
+    ///
+    /// | law | it vanishes at |
+    /// | --- | --- |
+    /// | Hunt & Crossley, a > 0 | ġ = 1/a: only if others pull the bodies apart |
+    /// | Kelvin & Voigt without pull, c > 0 | ġ = k d/c |
+    /// | Walton & Braun, once unloaded, e < 1 | d = (1 − e²) D, the residual penetration |
+    pub(crate) fn slack(&self, law: &ContactLaw, memory: &Memory, (gap, rate): (f64, f64)) -> Option<Slack> {
+        let Memory { damping, deepest, .. } = *memory;
         match self.normal {
-            Yielding::KelvinVoigt { pulls: false } if memory.damping > 0.0 => {
-                Some(-gap - memory.damping / self.stiffness * rate)
+            Yielding::HuntCrossley { .. } if damping > 0.0 => Some(Slack::Speed(damping.recip() - rate)),
+            Yielding::KelvinVoigt { pulls: false } if damping > 0.0 => {
+                Some(Slack::Speed(-gap * self.stiffness / damping - rate))
             }
-            Yielding::WaltonBraun if memory.deepest.is_finite() && law.restitution() < 1.0 => {
-                Some(-gap - (1.0 - law.restitution().powi(2)) * memory.deepest)
+            Yielding::WaltonBraun if deepest.is_finite() && law.restitution() < 1.0 => {
+                Some(Slack::Depth(-gap - (1.0 - law.restitution().powi(2)) * deepest))
             }
             _ => None,
         }

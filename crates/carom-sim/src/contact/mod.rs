@@ -15,8 +15,8 @@ mod surface;
 mod touch;
 
 pub use by_speed::RestitutionBySpeed;
-pub(crate) use compliance::Memory;
 pub use compliance::{Compliance, Holding, Yielding};
+pub(crate) use compliance::{Memory, Slack};
 pub(crate) use condition::ClosesWhile;
 pub(crate) use friction::friction_bound;
 pub(crate) use gap::{At, BallOnPlane, Place};

@@ -1,6 +1,6 @@
 //! The active set of a motion: what lasts between two events, the closed contacts with their modes and the joints with dry friction.
 
-use crate::contact::{ContactMode, Touch};
+use crate::contact::{ContactMode, ContactRule, Memory, Slack, Touch};
 use crate::model::Simulation;
 use nalgebra::Vector3;
 
@@ -113,6 +113,13 @@ impl Lasting {
     /// Whether it is a constraint.
     pub fn is_rigid(&self) -> bool {
         !matches!(self.hold, Hold::Presses { .. })
+    }
+
+    /// How far the normal force of a compliant contact with this gap and gap rate is from vanishing: see [`Compliance::slack`].
+    pub fn slack(&self, rule: &ContactRule, gap: (f64, f64)) -> Option<Slack> {
+        let Hold::Presses { damping, deepest } = self.hold else { return None };
+        let memory = Memory { damping, deepest, deflection: Vector3::zeros() };
+        rule.compliance?.slack(&rule.law, &memory, gap)
     }
 
     /// Its mode.

@@ -7,7 +7,7 @@ use super::held::Detail;
 use super::rows::{Constraints, Level, direction_of_slip, push};
 use super::select::Candidate;
 use super::smooth::Motion;
-use crate::contact::{ContactRule, Memory};
+use crate::contact::Slack;
 use crate::error::SimError;
 use crate::state::{ContactImpulse, EXACT, ROUNDING, Space, View};
 use carom_chain::Rows;
@@ -185,21 +185,28 @@ impl<A: Space> Motion<'_, A> {
         Ok(self.sliding(time, y)?.iter().map(Vector3::norm).fold(f64::INFINITY, f64::min))
     }
 
-    /// What is zero at the kinks of the contact forces: the [slips](Self::sliding), m/s, and as first components the depths of compliant
-    /// contacts beyond those at which their normal forces have kinks, m.
+    /// What is zero at the kinks of the contact forces: the [slips](Self::sliding), m/s, and as first components the
+    /// depths and speeds of compliant contacts beyond those at which their normal forces have kinks, m or m/s.
     pub fn kinks(&mut self, time: f64, y: &[f64]) -> Result<Vec<Vector3<f64>>, SimError> {
         let mut found = self.sliding(time, y)?;
-        let sim = self.sim;
         for k in 0..self.active.lasting.len() {
-            let Lasting { touch, hold: Hold::Presses { damping, deepest } } = self.active.lasting[k] else { continue };
-            let ContactRule { compliance: Some(compliance), law, .. } = &sim.touches[touch].contact else { continue };
-            let (gap, rate) = self.gap(touch, time, y)?;
-            let memory = Memory { damping, deepest, deflection: Vector3::zeros() };
+            let Lasting { touch, hold: Hold::Presses { deepest, .. } } = self.active.lasting[k] else { continue };
+            let (gap, _) = self.gap(touch, time, y)?;
             let turned = deepest.is_finite().then_some(gap + deepest);
-            let zeros = [Some(gap), turned, compliance.slack(law, &memory, (gap, rate))];
+            let zeros = [Some(gap), turned, self.slack(k, (time, y))?.map(Slack::value)];
             found.extend(zeros.into_iter().flatten().map(|zero| Vector3::x() * zero));
         }
         Ok(found)
+    }
+
+    /// How far the normal force of a lasting contact is from vanishing: see [`Lasting::slack`].
+    pub fn slack(&mut self, index: usize, (time, y): (f64, &[f64])) -> Result<Option<Slack>, SimError> {
+        let own = self.active.lasting[index];
+        if own.is_rigid() {
+            return Ok(None);
+        }
+        let gap = self.gap(own.touch, time, y)?;
+        Ok(own.slack(&self.sim.touches[own.touch].contact, gap))
     }
 
     /// The direction of slip that has begun, where it is fast enough, follows from it from now on. Contacts that begin to slide at

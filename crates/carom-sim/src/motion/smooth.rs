@@ -317,25 +317,27 @@ impl<'a, A: Space> Motion<'a, A> {
         self.gaps.look(touch, &view, (q, qd), time)
     }
 
-    /// Gaps and gap rates of all touches that are near at one state, see [`Gaps::all`], and last or may close; where a run `begins`, also
-    /// of those that touch at rest, which last from the start.
-    pub fn all_gaps(&mut self, time: f64, y: &[f64], begins: bool) -> Result<Vec<Near>, SimError> {
+    /// Gaps and gap rates of all touches that are near at one state, see [`Gaps::all`], and last or may close, or go on by `holds`.
+    pub fn all_gaps(
+        &mut self,
+        time: f64,
+        y: &[f64],
+        holds: impl Fn(&Self, &Near) -> bool,
+    ) -> Result<Vec<Near>, SimError> {
         let (q, qd) = self.sim.split(y);
         let view = View::<A>::new(self.model, &mut self.workspace, q)?;
         let mut gaps = self.gaps.all(&self.active.lasting, &view, (q, qd), time)?;
-        gaps.retain(|(k, (gap, rate))| {
-            self.lasts(*k) || self.may_close(*k, y) || begins && self.rests(*k, *gap, *rate)
-        });
+        gaps.retain(|near| self.lasts(near.0) || self.may_close(near.0, y) || holds(self, near));
         Ok(gaps)
     }
 
     /// Whether a touch may close at a state.
-    fn may_close(&self, touch: usize, y: &[f64]) -> bool {
+    pub fn may_close(&self, touch: usize, y: &[f64]) -> bool {
         self.sim.touches[touch].may_close(y, self.scale.pace)
     }
 
-    /// Whether the bodies of a touch with this gap touch at rest.
-    fn rests(&self, touch: usize, gap: f64, rate: f64) -> bool {
+    /// Whether the bodies of a touch with this gap and gap rate touch at rest.
+    pub fn rests(&self, &(touch, (gap, rate)): &Near) -> bool {
         gap.abs() <= self.scale.touching(touch) && rate.abs() <= self.rest_of(touch)
     }
 

@@ -161,7 +161,7 @@ pub(crate) fn jump<A: Space>(run: &mut Run<A>, touch: usize, before: &Before) ->
     let y = run.y_of(x);
     let scale = &run.motion.scale;
     let closed: Vec<f64> = (0..sim.touches.len()).map(|k| scale.touching(k)).collect();
-    let mut gaps = run.motion.all_gaps(time, &y, false)?.into_iter();
+    let mut gaps = run.motion.all_gaps(time, &y, |_, _| false)?.into_iter();
     if gaps.any(|(k, (gap, _))| k != touch && gap <= closed[k]) {
         return Ok(None);
     }

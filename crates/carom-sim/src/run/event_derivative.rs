@@ -72,7 +72,7 @@ impl<A: Space> Follow<'_, '_, A> {
             return self.broken(time, "time steps begin, which have no derivative");
         }
         let is_force = guard.is_some_and(|guard| guard.is() == Is::Force);
-        let changes_no_force = matches!(guard, Some(Guard::MayClose(..)));
+        let changes_no_force = matches!(guard, Some(Guard::MayClose(..) | Guard::Slackens(..)));
         if (guard.is_none() || is_force || changes_no_force) && self.goes_on(&before) {
             return Ok(None);
         }

@@ -22,7 +22,7 @@ use super::trajectory::{Event, EventKind, EventLoads, Sampling, Seen, StepReason
 use crate::contact::Touch;
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
-use crate::motion::{Lasting, Near, NonUnique, Scale, is_reached};
+use crate::motion::{Lasting, Motion, Near, NonUnique, Scale, is_reached};
 use crate::state::{ContactImpulse, EQUAL, GROWTH, MAX_STEPS, ROUNDING, STEPS, Space};
 use carom_chain::urdf::JointType;
 
@@ -181,7 +181,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// Gaps and gap rates of all touches now that are near: see [`Gaps::all`](crate::motion::Gaps::all).
     pub fn gaps(&mut self) -> Result<Vec<Near>, SimError> {
-        self.motion.all_gaps(self.time, &self.y, false)
+        self.motion.all_gaps(self.time, &self.y, |_, _| false)
     }
 
     /// The contacts and the mode at the start.
@@ -192,7 +192,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         // The projection onto contacts leaves velocities of this size.
         let Scale { length, pace, .. } = self.motion.scale;
         let least = ROUNDING * self.motion.active.speed.max(length * pace);
-        for (touch, (gap, rate)) in self.motion.all_gaps(self.time, &self.y, true)? {
+        for (touch, (gap, rate)) in self.motion.all_gaps(self.time, &self.y, Motion::rests)? {
             let gives_way = sim.touches[touch].is_compliant();
             // A compliant contact may start with a penetration, but not with more than its body has.
             let gives_way = gives_way && gap > -2.0 * sim.touches[touch].size();

@@ -6,7 +6,7 @@ use super::history::Class;
 use super::leap::least;
 use super::run_state::Run;
 use super::trajectory::{EventKind, StepReason};
-use crate::contact::{Passing, Placed};
+use crate::contact::{Passing, Placed, Slack};
 use crate::error::SimError;
 use crate::model::Simulation;
 use crate::motion::{ActiveSet, ConstraintForces, Dry, DryJoint, Gaps, Hold, Lasting, Motion, Scale};
@@ -40,6 +40,8 @@ pub(crate) enum Guard {
     Turns(usize),
     /// A compliant contact that was unloaded, and loaded again, becomes deeper than before.
     Deepens(usize),
+    /// The normal force of a compliant contact that is not open vanishes, or (`true`) it begins again: it has a kink there.
+    Slackens(usize, bool),
     /// A joint with dry friction comes to rest (index into `dry`).
     JointStops(usize),
     /// The load of a joint exceeds its dry friction (index into `dry`).
@@ -124,13 +126,19 @@ impl GuardValue {
 
 impl Guard {
     /// The guards of the present mode.
-    pub fn of_mode<A: Space>(motion: &Motion<A>, y: &[f64]) -> Vec<Self> {
+    ///
+    /// # Errors
+    /// A state at which a gap cannot be computed.
+    pub fn of_mode<A: Space>(motion: &mut Motion<A>, (time, y): (f64, &[f64])) -> Result<Vec<Self>, SimError> {
+        let slacks = (0..motion.active.lasting.len()).map(|i| motion.slack(i, (time, y)));
+        let slacks: Vec<_> = slacks.collect::<Result<_, _>>()?;
         let watched = motion.gaps.to_watch(&motion.active.lasting, (y, motion.scale.pace));
         let mut guards: Vec<Self> = watched.single.into_iter().map(Self::Gap).collect();
         guards.extend(watched.groups.into_iter().map(Self::Pair));
         guards.extend(watched.rests.into_iter().map(Self::Rest));
-        for (i, own) in motion.active.lasting.iter().enumerate() {
+        for ((i, own), slack) in motion.active.lasting.iter().enumerate().zip(slacks) {
             let touch = &motion.sim.touches[own.touch];
+            guards.extend(slack.map(|slack| Self::Slackens(i, slack.value() < 0.0)));
             if touch.ends() {
                 guards.push(Self::Leaves(i));
             }
@@ -166,7 +174,7 @@ impl Guard {
         }
         let conditional = motion.sim.touches.iter().enumerate().filter(|(_, touch)| touch.closes_while.is_some());
         guards.extend(conditional.map(|(k, touch)| Self::MayClose(k, touch.may_close(y, motion.scale.pace))));
-        guards
+        Ok(guards)
     }
 
     /// What it is beside its value.
@@ -310,6 +318,15 @@ impl Guard {
                 };
                 GuardValue::gap((deepest + gap, rate), now.scale.rounding())
             }
+            (Self::Slackens(i, vanished), _) => {
+                let own = now.active.lasting[i];
+                let sign = if vanished { -1.0 } else { 1.0 };
+                match own.slack(&sim.touches[own.touch].contact, look(own.touch)?) {
+                    Some(Slack::Depth(depth)) => GuardValue::velocity(sign * depth, now.scale.rounding()),
+                    Some(Slack::Speed(speed)) => GuardValue::velocity(sign * speed, now.noise),
+                    None => GuardValue::default(),
+                }
+            }
             (Self::SlipStops(i), _) => {
                 let touch = &sim.touches[now.active.lasting[i].touch];
                 let (Hold::Slides { toward } | Hold::Starts { toward }) = now.active.lasting[i].hold else {
@@ -393,6 +410,7 @@ impl<A: Space> Run<'_, '_, A> {
                 return Ok(());
             }
             Guard::MayClose(touch, ceases) => return if ceases { Ok(()) } else { self.refuse_overlap(touch) },
+            Guard::Slackens(..) => return Ok(()),
             Guard::SlipGrows(_) => return self.motion.started(self.time, &before),
             Guard::SlipStops(i) => {
                 self.motion.follow_slip(self.time, &before)?;

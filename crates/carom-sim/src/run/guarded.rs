@@ -37,7 +37,7 @@ const DECAY: f64 = 6.0;
 impl<'m, 'a, A: Space> Guarded<'m, 'a, A> {
     /// For the present mode from this time to the next `kink`.
     pub fn new(motion: &'m mut Motion<'a, A>, (time, kink): (f64, f64), y: &[f64]) -> Result<Self, SimError> {
-        let mut guards = Guard::of_mode(motion, y);
+        let mut guards = Guard::of_mode(motion, (time, y))?;
         (motion.redundant, motion.margin_forces) = (false, None);
         let mut known = None;
         if motion.active.lasting.iter().any(Lasting::is_rigid) {

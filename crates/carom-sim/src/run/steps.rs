@@ -108,11 +108,18 @@ impl<A: Space> Run<'_, '_, A> {
                 continue;
             }
             let longest = until - start;
+            let passing = self.passing()?;
             let done = if sim.stepping {
-                self.time_step(sim.contact_step.min(longest))?
+                self.time_step(sim.contact_step.min(longest), &passing)?
             } else {
-                self.controlled_step(&mut length, longest.min((self.history.wait - since).max(self.shortest())))?
+                let longest = longest.min((self.history.wait - since).max(self.shortest()));
+                self.controlled_step(&mut length, longest, &passing)?
             };
+            for &(touch, (gap, _)) in &passing {
+                if gap < -self.motion.scale.touching(touch) && self.motion.may_close(touch, &self.y) {
+                    self.refuse_overlap(touch)?;
+                }
+            }
             let is_still = done.still;
             self.tell(done);
             let step = self.time - start;
@@ -127,7 +134,7 @@ impl<A: Space> Run<'_, '_, A> {
             }
             still = if is_still { still + step } else { 0.0 };
             if still >= lasts(WAIT) && self.is_steady() {
-                self.put_back(0.0)?;
+                self.put_back(0.0, &passing)?;
                 let y = self.y.clone();
                 if !std::mem::replace(&mut self.history.resting, true) {
                     self.note(EventKind::Rest, &y);
@@ -169,7 +176,7 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// Two time steps of half a length, which is shortened until the error is accepted or the step is the shortest. `length`: that
     /// of this and of the next step, s; `longest`: its limit now.
-    fn controlled_step(&mut self, length: &mut f64, longest: f64) -> Result<TimeStep, SimError> {
+    fn controlled_step(&mut self, length: &mut f64, longest: f64, passing: &[Near]) -> Result<TimeStep, SimError> {
         let sim = self.motion.sim;
         let nq = sim.chain.nq();
         let accepted = SHARE * sim.tolerance.sqrt();
@@ -178,12 +185,12 @@ impl<A: Space> Run<'_, '_, A> {
         let active = self.motion.active.clone();
         loop {
             let step = length.min(longest);
-            self.time_step(step)?;
+            self.time_step(step, passing)?;
             let whole = std::mem::replace(&mut self.y, y.clone());
             (self.time, self.history.lost, self.history.statistics) = (time, lost, statistics);
             self.motion.active.clone_from(&active);
-            let first = self.time_step(step / 2.0)?;
-            let second = self.time_step(step / 2.0)?;
+            let first = self.time_step(step / 2.0, passing)?;
+            let second = self.time_step(step / 2.0, passing)?;
             let error = whole[..nq].iter().zip(&self.y).map(|(one, two)| (one - two).abs()).fold(0.0, f64::max);
             let share = self.motion.scale.apart(&whole[..nq], &self.y[..nq]);
             let ends = share <= accepted || step <= shortest;
@@ -209,14 +216,16 @@ impl<A: Space> Run<'_, '_, A> {
     fn resumes(&mut self, step: f64) -> Result<bool, SimError> {
         let sim = self.motion.sim;
         let before = self.y.clone();
-        self.put_back(0.0)?;
+        let passing = self.passing()?;
+        self.put_back(0.0, &passing)?;
         self.measure();
         let gravity = sim.gravity.norm().max(self.motion.scale.acceleration());
         // Within one step of fall, in position and velocity.
         let (depth, speed) = (4.0 * gravity * step.powi(2), 4.0 * gravity * step);
         let loaded: Vec<bool> = (0..sim.touches.len()).map(|touch| self.history.carried(touch)).collect();
         let (mut hits, mut closed) = (Vec::new(), Vec::new());
-        for (touch, (gap, rate)) in self.gaps()? {
+        let gaps = self.motion.all_gaps(self.time, &self.y, |motion, near| loaded[near.0] || motion.rests(near))?;
+        for (touch, (gap, rate)) in gaps {
             let (rest, touching) = (self.motion.rest_of(touch), self.motion.scale.touching(touch));
             let lasts = loaded[touch] && gap <= depth && rate.abs() <= speed;
             if self.motion.lasts(touch) || !lasts && (gap > touching || rate > rest) {
@@ -279,7 +288,7 @@ impl<A: Space> Run<'_, '_, A> {
         if !sim.touches.iter().any(Touch::is_compliant) {
             return Ok(Vec::new());
         }
-        let gaps = self.motion.all_gaps(time, y, false)?;
+        let gaps = self.motion.all_gaps(time, y, |_, _| false)?;
         let closed = |touch: usize| gaps.iter().find(|(k, (gap, _))| *k == touch && *gap <= 0.0).map(|(_, gap)| *gap);
         self.motion.active.lasting.retain(|own| closed(own.touch).is_some());
         for own in &mut self.motion.active.lasting {
@@ -303,15 +312,29 @@ impl<A: Space> Run<'_, '_, A> {
         if self.motion.active.lasting.is_empty() { Ok(Vec::new()) } else { self.motion.contact_states(time, y) }
     }
 
+    /// The touches with a condition that does not hold, which do not last either: they carried no load in the last step, and do not touch at
+    /// rest.
+    fn passing(&mut self) -> Result<Vec<Near>, SimError> {
+        let (sim, mut found) = (self.motion.sim, Vec::new());
+        for k in (0..sim.touches.len()).filter(|&k| sim.touches[k].closes_while.is_some()) {
+            if !self.motion.may_close(k, &self.y) && !self.history.carried(k) {
+                let near = (k, self.gap(k)?);
+                found.extend((!self.motion.rests(&near)).then_some(near));
+            }
+        }
+        Ok(found)
+    }
+
     /// The contact problem of a time step of this length, s, as [`Self::time_step`] poses it.
     pub fn contact_problem(&mut self, step: f64) -> Result<SeveralProblem, SimError> {
-        let Posed { table, responses, u, .. } = self.posed(step)?;
+        let passing = self.passing()?;
+        let Posed { table, responses, u, .. } = self.posed(step, &passing)?;
         let laws = table.laws(self.motion.sim, &self.motion.active.dry, step, Some(&u[0]));
         table.problem(&responses, laws, u.each_ref())
     }
 
     /// What the impulses of a time step of this length, s, are found from.
-    fn posed(&mut self, step: f64) -> Result<Posed, SimError> {
+    fn posed(&mut self, step: f64, passing: &[Near]) -> Result<Posed, SimError> {
         let sim = self.motion.sim;
         let nv = sim.chain.nv();
         let (q, qd) = self.q_qd();
@@ -361,7 +384,7 @@ impl<A: Space> Run<'_, '_, A> {
         let mut table = Constraints::new(nv);
         for k in near.near(&view, (&middle, &qd), middle_time, EQUAL * scale.length)? {
             let touch = &sim.touches[k];
-            if touch.is_compliant() {
+            if touch.is_compliant() || passing.iter().any(|own| own.0 == k) {
                 continue;
             }
             for at in touch.points(&view, &middle, middle_time, scale.touching(k)) {
@@ -380,12 +403,13 @@ impl<A: Space> Run<'_, '_, A> {
         Ok(Posed { middle, there, contacts, bends, mass, v, free, table, responses, u })
     }
 
-    /// One time step of this length, s.
-    fn time_step(&mut self, step: f64) -> Result<TimeStep, SimError> {
+    /// One time step of this length, s, in which these touches do not close.
+    fn time_step(&mut self, step: f64, passing: &[Near]) -> Result<TimeStep, SimError> {
         let sim = self.motion.sim;
         let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
         let start = self.time;
-        let Posed { middle, mut there, mut contacts, bends, mass, v, free, table, responses, u } = self.posed(step)?;
+        let Posed { middle, mut there, mut contacts, bends, mass, v, free, table, responses, u } =
+            self.posed(step, passing)?;
         let (q, qd) = self.q_qd();
         let (middle_time, open) = (start + step / 2.0, table.contacts.is_empty());
         let mut next = free.clone();
@@ -435,7 +459,7 @@ impl<A: Space> Run<'_, '_, A> {
         sim.normalise(&mut self.y);
         self.time = start + step;
         if !open {
-            self.put_back(2.0 * fall)?;
+            self.put_back(2.0 * fall, passing)?;
         }
         self.motion.close_loops(&mut self.y)?;
 
@@ -474,17 +498,20 @@ impl<A: Space> Run<'_, '_, A> {
         self.history.stepped = told.contacts;
     }
 
-    /// Corrects overlaps above `allowed` (m) by the smallest displacement in the kinetic metric: with the gaps g + allowed,
+    /// Corrects overlaps above `allowed` (m), but of the touches that do not close, by the smallest displacement in the kinetic metric: with the gaps g + allowed,
     /// 0 ≤ g + R δ ⟂ π ≥ 0, δ = M⁻¹Rᵀπ.
-    fn put_back(&mut self, allowed: f64) -> Result<(), SimError> {
+    fn put_back(&mut self, allowed: f64, passing: &[Near]) -> Result<(), SimError> {
         let sim = self.motion.sim;
         let (q, qd) = self.q_qd();
         let time = self.time;
         let (mut table, mut responses) = (Constraints::new(qd.len()), Rows::default());
         let Motion { model, workspace, couplings, gaps: near, scale, .. } = &mut self.motion;
         let mut view = View::closed_by(*model, workspace, &q, couplings)?;
-        for k in near.near(&view, (&q, &qd), time, 0.0)?.into_iter().filter(|k| !sim.touches[*k].is_compliant()) {
+        for k in near.near(&view, (&q, &qd), time, 0.0)? {
             let touch = &sim.touches[k];
+            if touch.is_compliant() || passing.iter().any(|own| own.0 == k) {
+                continue;
+            }
             for at in touch.points(&view, &q, time, 0.0) {
                 table.add((&Lasting::of(k, touch, None), touch), (&at, &view), time, Level::Positions)?;
             }

@@ -169,13 +169,6 @@ impl Scene {
             }
         }
         let touches = Touch::divided(touches);
-        let conditional = touches.iter().find(|touch| touch.closes_while.is_some());
-        if let Some(touch) = conditional.filter(|_| run.method == Method::Steps) {
-            let name = &touch.name;
-            return Err(refuse(format!(
-                "closes_while of {name}: method = \"steps\" follows no conditions: leave one of them out"
-            )));
-        }
         warnings.extend(contact::warnings(&file.contact, &file.surface, &touches));
         let (drive, after_impact) = robots.drives(folder, control, &surfaces, &qd).map_err(refuse)?;
         let own = file.spring.iter().enumerate().map(|(k, it)| (format!("[[spring]] {}", k + 1), it));
