@@ -133,12 +133,11 @@ fn time_steps_follow_conditions() {
         ("closes_while = \"0.5 - x\"", [0.1, 0.0, 0.0], 0.0),
         ("closes_while = \"0.5 - x\"", [0.35, 0.2, 0.0], 0.2 - 5.0),
     ] {
-        for method in ["events", "steps"] {
+        // Steps of 1 ms leave overlaps of twice the fall in one of them.
+        for (method, error) in [("events", 1e-9), ("steps", 2.1 * 10.0 * 1e-6)] {
             let q = last(method, condition, start);
-            assert!(
-                (q[0] - start[0] - 1.0).abs() < 1e-9 && (q[1] - height).abs() < 1e-9,
-                "{method} {condition}: {q:?}"
-            );
+            let apart = (q[0] - start[0] - 1.0).abs().max((q[1] - height).abs());
+            assert!(apart <= error, "{method} {condition}: {q:?}");
         }
     }
 }

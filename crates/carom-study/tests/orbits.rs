@@ -500,6 +500,10 @@ fn wrong_problems_are_refused_with_key_value_and_rule() {
             "x.what = \"knee\": it is no variable of the state (x, qd x",
         ),
         ("{ what = \"z\", from = 0, to = 1, points = 3 }", "x.what and y.what are both \"z\""),
+        (
+            "{ what = \"robot.q.z\", from = 0, to = 1, points = 3 }",
+            "both axes set one number, z: robot.q.z changes it, too",
+        ),
         ("{ what = \"left\", from = 1, to = 1, points = 3 }", "the ends of a range must differ"),
         ("{ what = \"contact.bounce\", from = 0, to = 1, points = 3 }", "contact.bounce"),
     ] {

@@ -520,7 +520,18 @@ fn values_that_nothing_uses_are_warned_of() {
             "method = \"steps\"\nmax_step = 0.1",
             "[run] max_step: method = \"steps\" has steps of contact_step only",
         ),
+        (
+            "#run",
+            "method = \"steps\"\ntolerance = 1e-4",
+            "[run] tolerance: method = \"steps\" has steps of contact_step only",
+        ),
+        (
+            "#run",
+            "[[force]]\nlink = \"tip\"\nfile = \"late.csv\"",
+            "[[force]] 1: the table of tip is zero at all times of the run, 0 to ",
+        ),
     ] {
+        desk.write("late.csv", "time,fx\n5,1\n6,1\n");
         let (_, said) = desk.told("simulate", &at(place, keys));
         assert!(said.contains(told), "{keys}: {said}");
     }

@@ -180,6 +180,15 @@ impl Scene {
         let springs = springs.collect::<Result<_, _>>()?;
         let wrenches = file.force.iter().enumerate().map(|(k, it)| wrench(folder, &chain, k, it));
         let wrenches = wrenches.collect::<Result<Vec<_>, _>>().map_err(refuse)?;
+        let idle = wrenches.iter().enumerate().filter(|(_, wrench)| wrench.is_idle((0.0, run.duration)));
+        warnings.extend(idle.map(|(k, wrench)| {
+            format!(
+                "[[force]] {}: the table of {} is zero at all times of the run, 0 to {} s",
+                k + 1,
+                wrench.link,
+                run.duration
+            )
+        }));
         let loops = file.loops.iter().enumerate().map(|(k, it)| closure(&chain, k, it));
         let loops = loops.collect::<Result<Vec<_>, _>>().map_err(refuse)?;
         let perturbation = run.perturb.as_ref().map(|given| {
@@ -218,8 +227,8 @@ impl Scene {
             return Err(refuse(why.into()));
         }
         if run.method == Method::Steps {
-            let idle = [("max_step", run.max_step.is_some()), ("zeno_time", run.zeno_time.is_some())];
-            let idle = idle.iter().filter(|(_, given)| *given);
+            let idle = [("max_step", run.max_step), ("zeno_time", run.zeno_time), ("tolerance", run.tolerance)];
+            let idle = idle.iter().filter(|(_, given)| given.is_some());
             warnings
                 .extend(idle.map(|(key, _)| format!("[run] {key}: method = \"steps\" has steps of contact_step only")));
         }

@@ -255,6 +255,7 @@ impl Problem {
         if let Some(grid) = &problem.basin {
             // As below.
             problem.plan_in(grid, [0, 1].map(|k| grid.axes[k].axis.value(0)))?;
+            problem.check_axes(grid)?;
         }
         if let Some(vary) = &problem.vary {
             // A key that leads nowhere, or a value that the scene refuses, is told now.
@@ -290,8 +291,8 @@ impl Problem {
         }
     }
 
-    /// The simulation of a place of a grid, with its start.
-    pub(super) fn plan_in(&self, grid: &Grid, place: [f64; 2]) -> Result<Plan, OrbitError> {
+    /// The simulation of a place of a grid with its start, and the start by the keys of the scene alone.
+    pub(super) fn plan_in(&self, grid: &Grid, place: [f64; 2]) -> Result<(Plan, State), OrbitError> {
         let mut values = Vec::new();
         if let Some(vary) = &self.vary {
             let axis = (0..2).find(|k| grid.axes[*k].means == Means::Parameter);
@@ -305,8 +306,33 @@ impl Problem {
         let names = [0, 1].map(|k| (grid.axes[k].axis.name.as_str(), place[k]));
         values.extend(evaluated(&grid.set, &names));
         let mut plan = self.plan_with(&values)?;
+        let given = State { q: plan.q.clone(), qd: plan.qd.clone() };
         grid.move_start(place, &mut plan.q, &mut plan.qd);
-        Ok(plan)
+        Ok((plan, given))
+    }
+
+    /// # Errors
+    /// [`OrbitError::File`] if one axis of a basin sets a number of the start that the other changes by keys of the scene.
+    fn check_axes(&self, grid: &Grid) -> Result<(), OrbitError> {
+        let ends = |k: usize| [0, grid.axes[k].axis.count() - 1].map(|row| grid.axes[k].axis.value(row));
+        for (own, other) in [(0, 1), (1, 0)] {
+            let means = |k: usize| &grid.axes[k].means;
+            let (Means::State(n), false) = (means(own), matches!(means(other), Means::State(_))) else { continue };
+            let mut found = Vec::new();
+            for value in ends(other) {
+                let mut place = [ends(0)[0], ends(1)[0]];
+                place[other] = value;
+                let (_, State { q, qd }) = self.plan_in(grid, place)?;
+                found.push(q.into_iter().chain(qd).nth(*n));
+            }
+            if found[0] != found[1] {
+                let [own, other] = [own, other].map(|k| &grid.axes[k].axis.name);
+                return Err(self.refusal(&format!(
+                    "[basin] both axes set one number, {own}: {other} changes it, too. Give each axis a number of its own"
+                )));
+            }
+        }
+        Ok(())
     }
 
     fn plan_with(&self, values: &[(String, f64)]) -> Result<Plan, OrbitError> {
