@@ -266,9 +266,16 @@ gravity = [{}, 0, {}]"#,
 
 /// A ball of restitution e on a table that moves as A sin ωt, one bounce in each period; Γ = A ω²/g.
 pub fn shaken(e: f64, from: f64, to: f64, passages: usize) -> Result<Case, OrbitError> {
+    let set = format!("\"surface[0].motion.amplitude[2]\" = \"{}*gamma\"", 9.81 / (20.0 * PI).powi(2));
+    let vary = format!("{{ parameter = \"gamma\", from = {from}, to = {to}, set = {{ {set} }} }}");
+    shaken_over(e, from, &format!("section.period = 0.1\norbit.passages = {passages}\nvary = {vary}"))
+}
+
+/// The same at 10 Hz and Γ, with these keys of the problem.
+fn shaken_over(e: f64, gamma: f64, keys: &str) -> Result<Case, OrbitError> {
     let (g, omega) = (9.81, 20.0 * PI);
     let period = TAU / omega;
-    let amplitude = from * g / (omega * omega);
+    let amplitude = gamma * g / (omega * omega);
     // The ball leaves with g T/2 where the table rises with (1 − e)/(1 + e) g T/2.
     let phase = (0.5 * g * period * (1.0 - e) / (1.0 + e) / (amplitude * omega)).acos();
     // The table is at phase π at the start, so that it strikes the ball in the second half of a period.
@@ -297,12 +304,7 @@ restitution = {e}
 duration = 1
 gravity = [0, 0, -{g}]"#
     );
-    let keys = format!(
-        "section.period = {period}\norbit.passages = {passages}\nvary = {{ parameter = \"gamma\", from = {from}, to = {to}, \
-         set = {{ \"surface[0].motion.amplitude[2]\" = \"{}*gamma\" }} }}",
-        g / (omega * omega)
-    );
-    problem(&urdf, &scene, &keys)
+    problem(&urdf, &scene, keys)
 }
 
 /// Closed forms: the period doubles at Γ² = (2(1+e²)/(1+e)²)² + (π(1−e)/(1+e))², the orbit begins in a fold at Γ = π(1−e)/(1+e), and its
@@ -324,6 +326,28 @@ fn a_ball_on_a_shaken_table_has_the_closed_form_fold_and_flip() {
         close("flip", found(&up, "flip"), flip, 1e-8);
         let down = shaken(e, start, 0.5 * fold, 1).unwrap().branch().unwrap();
         close("fold", found(&down, "fold"), fold, 1e-8);
+    }
+}
+
+/// Over the frequency, which the period of the section follows, the amplitude is the same, and Γ its square: the flip of the closed form above.
+#[test]
+fn the_period_of_a_section_follows_the_frequency_of_a_table() {
+    let (e, gamma) = (0.5_f64, 1.3);
+    let flip = (2.0 * (1.0 + e * e) / (1.0 + e).powi(2)).hypot(PI * (1.0 - e) / (1.0 + e));
+    let keys = |set: &str| {
+        let set = format!("set = {{ \"surface[0].motion.frequency\" = \"f\", \"section.period\" = \"{set}\" }}");
+        format!("section.period = 0.1\nvary = {{ parameter = \"f\", from = 10, to = 11, {set} }}")
+    };
+    let branch = shaken_over(e, gamma, &keys("1/f")).unwrap().branch().unwrap();
+    let found: Vec<(&str, f64)> = branch.special.iter().map(|it| (it.kind, it.parameter)).collect();
+    assert!(matches!(found[..], [("flip", _)]), "{found:?} {}", branch.end);
+    close("flip", found[0].1, 10.0 * (flip / gamma).sqrt(), 1e-8);
+    // The derivative by the parameter is right: corrections are few. The end of the range is found from farther away.
+    let steps: Vec<usize> = branch.points.iter().rev().skip(1).map(|point| point.orbit.iterations).collect();
+    assert!(steps.iter().all(|steps| *steps <= 4), "{steps:?}");
+    for (set, told) in [("f - 10", "section.period\" is 0: it must be positive"), ("g", "has the variable 'g'")] {
+        let error = shaken_over(e, gamma, &keys(set)).err().map(|e| e.to_string()).unwrap_or_default();
+        assert!(error.contains(told), "{set}: {error}");
     }
 }
 

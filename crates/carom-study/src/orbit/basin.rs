@@ -6,7 +6,7 @@
 //! by its period and by one of its states: that whose rounded numbers are the lexicographically least of the period, so that it does not
 //! depend on the phase in which the motion arrives.
 
-use super::problem::{Grid, Problem};
+use super::problem::{Grid, Problem, Timed};
 use super::return_map::Period;
 use super::{FAILURES, OrbitError, State};
 use crate::map_study::{MOST_DRAWN, Values};
@@ -14,7 +14,6 @@ use crate::numbered::{self, Block, NumberedRows};
 use crate::table::{CHUNK, Column};
 use crate::{RowFile, RowsError, SCENE_KEY, Written};
 use carom_chain::Coordinates;
-use carom_sim::Plan;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::{HashMap, VecDeque};
@@ -36,7 +35,7 @@ pub struct Basin<'p> {
     grid: &'p Grid,
     columns: Vec<Column>,
     /// The simulation, if it is the same at all places.
-    plan: Option<Plan>,
+    plan: Option<Timed>,
     /// Of each number of (q, qd), whether it must return.
     returns: Vec<bool>,
     /// What each cell is: 0 if it is not computed yet, 1 + its outcome, or [`FIRST`] and the number of its attractor. Empty if there are too

@@ -26,11 +26,10 @@
 //! constant parameter.
 
 use super::newton::{Look, STEPS, difference};
-use super::problem::{Problem, Vary};
+use super::problem::{Problem, Timed, Vary};
 use super::return_map::Period;
 use super::{Orbit, OrbitError};
 use carom_impact::least_norm;
-use carom_sim::Plan;
 use nalgebra::{Complex, DMatrix, DVector};
 use serde::Serialize;
 
@@ -78,7 +77,7 @@ pub struct Special {
 /// A point of a branch with its direction.
 struct Place {
     value: f64,
-    plan: Plan,
+    plan: Timed,
     look: Look,
     direction: DVector<f64>,
     flip: f64,
@@ -258,7 +257,7 @@ impl Problem {
     }
 
     /// A point with its direction: that of the null space of G along `before`.
-    fn place(&self, vary: &Vary, (value, plan): (f64, Plan), look: Look, before: &DVector<f64>) -> Place {
+    fn place(&self, vary: &Vary, (value, plan): (f64, Timed), look: Look, before: &DVector<f64>) -> Place {
         let n = look.r.len();
         let unknown = self.unknown(n);
         let m = unknown.len();

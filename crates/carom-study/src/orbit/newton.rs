@@ -3,12 +3,12 @@
 //! With r = P(x) − x the step δ solves (1 − DP) δ = r; x + δ is reached from P(x), which is on the constraints, by δ − r, and then moved to
 //! the nearest state in which the contacts of the section are closed.
 
-use super::problem::Problem;
+use super::problem::{ByParameter, Problem, Timed};
 use super::return_map::Differentiated;
 use super::{Orbit, OrbitError, Stability, State};
 use carom_chain::Chain;
 use carom_impact::least_norm;
-use carom_sim::{Parameter, Plan, SimError};
+use carom_sim::SimError;
 use nalgebra::{Complex, DMatrix, DVector};
 
 /// Steps of Newton's method at most.
@@ -39,7 +39,7 @@ impl Problem {
     }
 
     /// The orbit near the start of the scene, at the first value of the parameter.
-    pub(super) fn first(&self, plan: &Plan) -> Result<(Look, usize), OrbitError> {
+    pub(super) fn first(&self, plan: &Timed) -> Result<(Look, usize), OrbitError> {
         let mut start = State { q: plan.q.clone(), qd: plan.qd.clone() };
         for _ in 0..self.before {
             start = self.period(plan, &start)?.end;
@@ -52,7 +52,7 @@ impl Problem {
 
     /// Finds the orbit at an end of the range of the parameter; without the derivative by it where values beyond it are inadmissible, as of a
     /// coefficient of restitution at 1.
-    pub(super) fn find_at_end(&self, plan: &Plan, start: State, value: f64) -> Result<(Look, usize), OrbitError> {
+    pub(super) fn find_at_end(&self, plan: &Timed, start: State, value: f64) -> Result<(Look, usize), OrbitError> {
         match self.find_from(plan, start.clone(), self.parameter(value).as_ref()) {
             Err(OrbitError::Run(SimError::Scene { .. })) => self.find_from(plan, start, None),
             found => found,
@@ -62,9 +62,9 @@ impl Problem {
     /// Finds the orbit near a state on the section; returns also the number of runs with derivatives.
     pub(super) fn find_from(
         &self,
-        plan: &Plan,
+        plan: &Timed,
         start: State,
-        parameter: Option<&Parameter>,
+        parameter: Option<&ByParameter>,
     ) -> Result<(Look, usize), OrbitError> {
         let mut here = self.look(plan, start, parameter)?;
         for iteration in 1..=STEPS {
@@ -108,7 +108,7 @@ impl Problem {
         (100.0 * self.tolerance).max(1e-13)
     }
 
-    pub(super) fn look(&self, plan: &Plan, x: State, parameter: Option<&Parameter>) -> Result<Look, OrbitError> {
+    pub(super) fn look(&self, plan: &Timed, x: State, parameter: Option<&ByParameter>) -> Result<Look, OrbitError> {
         let found = self.differentiated(plan, &x, parameter)?;
         let chain = &plan.simulation.chain;
         let mut r = difference(chain, &x, &found.period.end)?;
@@ -140,7 +140,7 @@ impl Problem {
     }
 
     /// x + δ, on the constraints of P(x).
-    pub(super) fn moved(&self, plan: &Plan, here: &Look, step: &DVector<f64>) -> Result<State, OrbitError> {
+    pub(super) fn moved(&self, plan: &Timed, here: &Look, step: &DVector<f64>) -> Result<State, OrbitError> {
         let chain = &plan.simulation.chain;
         let end = &here.found.period.end;
         let change = step - &here.r;

@@ -140,6 +140,32 @@ pub(super) struct Vary {
     pub points: usize,
     /// The keys that follow it.
     set: Formulas,
+    /// The period of the section, if it follows it.
+    period: Option<FlatEx<f64>>,
+}
+
+/// A simulation with its start, and how long a passage may take.
+#[derive(Clone)]
+pub(super) struct Timed {
+    pub plan: Plan,
+    /// The period of a section that is a time, otherwise the duration of the scene, s.
+    pub longest: f64,
+}
+
+impl std::ops::Deref for Timed {
+    type Target = Plan;
+
+    fn deref(&self) -> &Plan {
+        &self.plan
+    }
+}
+
+/// The parameter as one by which periods are differentiated.
+pub(super) struct ByParameter {
+    /// Of the simulation.
+    pub parameter: Parameter,
+    /// The derivative of the period of the section, s.
+    pub period: f64,
 }
 
 /// A grid of starts.
@@ -235,7 +261,7 @@ impl Problem {
         if !(f64::EPSILON..1.0).contains(&tolerance) {
             return Err(of_orbit(format!("tolerance = {tolerance}: it must be from 2.3e-16 to below 1")));
         }
-        let vary = file.vary.as_ref().map(|keys| vary(keys).map_err(|why| refuse(format!("[vary] {why}"))));
+        let vary = file.vary.as_ref().map(|keys| vary(keys, &section).map_err(|why| refuse(format!("[vary] {why}"))));
         let problem = Self {
             files: scene.files.clone(),
             warnings: scene.warnings.clone(),
@@ -284,19 +310,19 @@ impl Problem {
     }
 
     /// The simulation at this value of the parameter.
-    pub(super) fn plan(&self, parameter: Option<f64>) -> Result<Plan, OrbitError> {
-        match (&self.vary, parameter) {
-            (Some(vary), Some(value)) => self.plan_with(&vary.values(value)),
-            _ => self.plan_with(&[]),
-        }
+    pub(super) fn plan(&self, parameter: Option<f64>) -> Result<Timed, OrbitError> {
+        let (Some(vary), Some(value)) = (&self.vary, parameter) else { return self.plan_with(&[], None) };
+        self.plan_with(&vary.values(value), vary.period(value))
     }
 
     /// The simulation of a place of a grid with its start, and the start by the keys of the scene alone.
-    pub(super) fn plan_in(&self, grid: &Grid, place: [f64; 2]) -> Result<(Plan, State), OrbitError> {
-        let mut values = Vec::new();
+    pub(super) fn plan_in(&self, grid: &Grid, place: [f64; 2]) -> Result<(Timed, State), OrbitError> {
+        let (mut values, mut period) = (Vec::new(), None);
         if let Some(vary) = &self.vary {
             let axis = (0..2).find(|k| grid.axes[*k].means == Means::Parameter);
-            values.extend(vary.values(axis.map_or(vary.from, |k| place[k])));
+            let value = axis.map_or(vary.from, |k| place[k]);
+            values.extend(vary.values(value));
+            period = vary.period(value);
         }
         for (GridAxis { axis, means }, value) in grid.axes.iter().zip(place) {
             if *means == Means::Key {
@@ -305,10 +331,11 @@ impl Problem {
         }
         let names = [0, 1].map(|k| (grid.axes[k].axis.name.as_str(), place[k]));
         values.extend(evaluated(&grid.set, &names));
-        let mut plan = self.plan_with(&values)?;
-        let given = State { q: plan.q.clone(), qd: plan.qd.clone() };
-        grid.move_start(place, &mut plan.q, &mut plan.qd);
-        Ok((plan, given))
+        let mut timed = self.plan_with(&values, period)?;
+        let Plan { q, qd, .. } = &mut timed.plan;
+        let given = State { q: q.clone(), qd: qd.clone() };
+        grid.move_start(place, q, qd);
+        Ok((timed, given))
     }
 
     /// # Errors
@@ -335,11 +362,19 @@ impl Problem {
         Ok(())
     }
 
-    fn plan_with(&self, values: &[(String, f64)]) -> Result<Plan, OrbitError> {
+    fn plan_with(&self, values: &[(String, f64)], period: Option<f64>) -> Result<Timed, OrbitError> {
         let mut plan = if values.is_empty() { self.scene.plan()? } else { self.scene.with_values(values)?.plan()? };
         plan.simulation.tolerance = self.tolerance;
         plan.simulation.stop.clone_from(&self.scene.simulation.stop);
-        Ok(plan)
+        let longest = match self.section {
+            Section::After(given) => period.unwrap_or(given),
+            _ => self.scene.duration,
+        };
+        if longest > 0.0 && longest.is_finite() {
+            return Ok(Timed { plan, longest });
+        }
+        let rule = "it must be positive and finite over the whole range";
+        Err(self.refusal(format!("[vary] set.\"section.period\" is {longest}: {rule}")))
     }
 
     /// The simulation that starts on an orbit, at the first value of the parameter.
@@ -348,30 +383,39 @@ impl Problem {
     /// [`OrbitError`] of the scene.
     pub fn plan_of(&self, orbit: &Orbit) -> Result<Plan, OrbitError> {
         let State { q, qd } = orbit.start.clone();
-        Ok(Plan { q, qd, ..self.plan(self.vary.as_ref().map(|vary| vary.from))? })
+        Ok(Plan { q, qd, ..self.plan(self.vary.as_ref().map(|vary| vary.from))?.plan })
     }
 
     /// The parameter of the problem at a value, as one by which runs are differentiated.
-    pub(super) fn parameter(&self, value: f64) -> Option<Parameter> {
+    pub(super) fn parameter(&self, value: f64) -> Option<ByParameter> {
         let vary = self.vary.clone()?;
         let (scene, tolerance) = (self.scene.clone(), self.tolerance);
         let scale = value.abs().max(1e-3 * (vary.to - vary.from).abs());
-        Some(Parameter::try_new(vary.name.clone(), scale, move |simulation, delta| {
+        // A central difference of fourth order.
+        let (h, at) = (1e-3 * scale, |x: f64| vary.period(x).unwrap_or(0.0));
+        let period = (8.0 * (at(value + h) - at(value - h)) - (at(value + 2.0 * h) - at(value - 2.0 * h))) / (12.0 * h);
+        let parameter = Parameter::try_new(vary.name.clone(), scale, move |simulation, delta| {
             let changed = scene.with_values(&vary.values(value + delta))?.plan()?.simulation;
             let Simulation { stop, max_events, .. } = simulation;
             *simulation = Simulation { stop: stop.clone(), max_events: *max_events, tolerance, ..changed };
             Ok(())
-        }))
+        });
+        Some(ByParameter { parameter, period })
     }
 }
 
 impl Vary {
     /// The values of the keys.
     fn values(&self, value: f64) -> Vec<(String, f64)> {
-        if self.set.is_empty() {
+        if self.set.is_empty() && self.period.is_none() {
             return vec![(self.name.clone(), value)];
         }
         evaluated(&self.set, &[(&self.name, value)])
+    }
+
+    /// The period of the section, if it follows the parameter.
+    fn period(&self, value: f64) -> Option<f64> {
+        self.period.as_ref().map(|formula| formula.eval(&[value]).unwrap_or(f64::NAN))
     }
 }
 
@@ -438,7 +482,7 @@ fn relabelled(chain: &Chain, joint: &str, formula: &str) -> Result<Relabelled, S
     Ok(Relabelled { q: own.q, v: own.v, to, rates })
 }
 
-fn vary(keys: &VaryKeys) -> Result<Vary, String> {
+fn vary(keys: &VaryKeys, section: &Section) -> Result<Vary, String> {
     let VaryKeys { parameter, from, to, set, points } = keys;
     if !(from.is_finite() && to.is_finite() && from != to) {
         return Err(format!("from = {from}, to = {to}: they must be finite and different"));
@@ -447,8 +491,12 @@ fn vary(keys: &VaryKeys) -> Result<Vary, String> {
     if points < 2 {
         return Err(format!("points = {points}: it must be 2 or more"));
     }
-    let set = formulas(set, &[parameter])?;
-    Ok(Vary { name: parameter.clone(), from: *from, to: *to, points, set })
+    let mut set = formulas(set, &[parameter])?;
+    let period = set.iter().position(|(key, _)| key == "section.period").map(|k| set.remove(k).1);
+    if period.is_some() && !matches!(section, Section::After(_)) {
+        return Err("set.\"section.period\": the section is no period: remove it, or give [section] period".into());
+    }
+    Ok(Vary { name: parameter.clone(), from: *from, to: *to, points, set, period })
 }
 
 impl Problem {

@@ -14,9 +14,9 @@
 //! DP = R (S + f τ′)
 //! ```
 //!
-//! τ′ is that of the event; of a function w of the state τ′ = −∂w S/(∂w f); of a given time 0.
+//! τ′ is that of the event; of a function w of the state τ′ = −∂w S/(∂w f); of a given time 0, but by a parameter that it follows.
 
-use super::problem::{Problem, Section};
+use super::problem::{ByParameter, Problem, Section, Timed};
 use super::{Happened, OrbitError, State};
 use carom_chain::Chain;
 use carom_sim::{
@@ -53,9 +53,9 @@ impl Problem {
     /// P, with its derivatives by x and by the parameter.
     pub(super) fn differentiated(
         &self,
-        plan: &Plan,
+        plan: &Timed,
         start: &State,
-        parameter: Option<&Parameter>,
+        parameter: Option<&ByParameter>,
     ) -> Result<Differentiated, OrbitError> {
         let n = 2 * plan.simulation.chain.nv();
         let (mut by_state, mut by_parameter) = (DMatrix::identity(n, n), DVector::zeros(n));
@@ -69,13 +69,13 @@ impl Problem {
     }
 
     /// P without derivatives.
-    pub(super) fn period(&self, plan: &Plan, start: &State) -> Result<Period, OrbitError> {
+    pub(super) fn period(&self, plan: &Timed, start: &State) -> Result<Period, OrbitError> {
         self.follow(plan, start, |_, _| Ok(()))
     }
 
     fn follow(
         &self,
-        plan: &Plan,
+        plan: &Timed,
         start: &State,
         mut each: impl FnMut(&State, &Passage) -> Result<(), OrbitError>,
     ) -> Result<Period, OrbitError> {
@@ -105,9 +105,9 @@ impl Problem {
         Plan { q: start.q.clone(), qd: start.qd.clone(), ..plan.clone() }.start()
     }
 
-    fn passage(&self, plan: &Plan, start: &State) -> Result<Passage, OrbitError> {
+    fn passage(&self, plan: &Timed, start: &State) -> Result<Passage, OrbitError> {
         let mut session = self.session(plan, start)?;
-        let (longest, from) = (self.scene.duration, session.time());
+        let (longest, from) = (plan.longest, session.time());
         let (mut events, mut count) = (Vec::new(), 0);
         let mut seen = Crossing::new(&self.section, start.q.len());
         let ends = |event: &Event| match &self.section {
@@ -115,11 +115,7 @@ impl Problem {
             _ => false,
         };
         loop {
-            let elapsed = session.time() - from;
-            let left = match self.section {
-                Section::After(period) => period - elapsed,
-                _ => longest - elapsed,
-            };
+            let left = longest - (session.time() - from);
             if left <= 0.0 {
                 break;
             }
@@ -190,13 +186,13 @@ impl Problem {
     /// DP of one passage, and ∂P/∂p.
     fn slope(
         &self,
-        plan: &Plan,
+        plan: &Timed,
         start: &State,
         passage: &Passage,
-        parameter: Option<&Parameter>,
+        parameter: Option<&ByParameter>,
     ) -> Result<(DMatrix<f64>, DVector<f64>), OrbitError> {
         let n = 2 * plan.simulation.chain.nv();
-        let mut plan = Plan { q: start.q.clone(), qd: start.qd.clone(), ..plan.clone() };
+        let mut plan = Plan { q: start.q.clone(), qd: start.qd.clone(), ..plan.plan.clone() };
         // A run that ends with the event of the section, or at the time.
         let duration = match self.section {
             Section::Contact { .. } => {
@@ -205,7 +201,7 @@ impl Problem {
             }
             _ => passage.time,
         };
-        let parameters: Vec<Parameter> = parameter.into_iter().cloned().collect();
+        let parameters: Vec<Parameter> = parameter.map(|by| by.parameter.clone()).into_iter().collect();
         let found = plan.sensitivity(duration, &parameters)?;
         let refuse = |time: f64, reason: String| Err(OrbitError::NoDerivative { time, reason });
         if let Some(Broken { time, reason }) = found.broken {
@@ -218,7 +214,9 @@ impl Problem {
         }
         let f = DVector::from_vec(found.rate);
         let time_by = match &self.section {
-            Section::After(_) => DVector::zeros(s.ncols()),
+            Section::After(_) => {
+                DVector::from_fn(s.ncols(), |k, _| parameter.filter(|_| k == n).map_or(0.0, |by| by.period))
+            }
             Section::Contact { .. } => match found.events.last().map(|event| &event.time_by) {
                 Some(by) if by.iter().all(|x| x.is_finite()) => DVector::from_column_slice(by),
                 _ => return refuse(since, "the impact of the section is too slow for a derivative of its time".into()),
@@ -347,7 +345,7 @@ impl<'s> Crossing<'s> {
 /// The states on the section that follow one another, without Newton's method: see [`Problem::cycle`].
 pub struct Cycle<'p> {
     problem: &'p Problem,
-    plan: Plan,
+    plan: Timed,
     state: State,
 }
 
