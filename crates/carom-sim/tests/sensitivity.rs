@@ -3,8 +3,8 @@
 use crate::closed_gradients::ball;
 use carom_impact::{Damping, Newton};
 use carom_sim::{
-    Compliance, ContactRule, Drive, Loop, LoopFrame, LoopJoint, Parameter, Scene, Sensitivity, Simulation, TorqueTable,
-    Yielding,
+    Compliance, ContactRule, Drive, Loop, LoopFrame, LoopJoint, Parameter, Plan, Scene, Sensitivity, Simulation,
+    TorqueTable, Yielding,
 };
 use carom_testing::build::{self, Part, X, Y, Z, along, chain};
 use carom_testing::scenes::{DOWN, changed, newton, on_floor};
@@ -52,14 +52,24 @@ fn differences(
 /// tolerances, and differences of runs, agree to that.
 fn check(name: &str, scene: &Scene, duration: f64, some: Option<&[usize]>, h: f64) -> Sensitivity {
     let plan = scene.plan().unwrap();
+    check_by(name, (&plan, &Parameter::all(&plan.simulation)), duration, some, h)
+}
+
+/// The same by these parameters.
+fn check_by(
+    name: &str,
+    (plan, parameters): (&Plan, &[Parameter]),
+    duration: f64,
+    some: Option<&[usize]>,
+    h: f64,
+) -> Sensitivity {
     let sim = &plan.simulation;
-    let parameters = Parameter::all(sim);
-    let found = plan.sensitivity(duration, &parameters).unwrap();
+    let found = plan.sensitivity(duration, parameters).unwrap();
     assert_eq!(found.broken, None, "{name}");
     let all: Vec<usize> = (0..found.names.len()).collect();
     let columns = some.unwrap_or(&all);
     let own = found.last_by.as_ref().unwrap().select_columns(columns);
-    let other = differences(sim, (&plan.q, &plan.qd), duration, &parameters, (columns, h));
+    let other = differences(sim, (&plan.q, &plan.qd), duration, parameters, (columns, h));
     let size = other.amax();
     for (k, &j) in columns.iter().enumerate() {
         let (column, apart) = (other.column(k).amax(), (own.column(k) - other.column(k)).amax());
@@ -159,6 +169,39 @@ fn sensitivities_of_an_arm_that_comes_to_press_on_a_wall_equal_differences_of_ru
     let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
     assert!(kinds.contains(&"impact") && kinds.contains(&"zeno"), "{kinds:?}");
     assert_eq!(found.names.len(), 4 + 2 + 6, "{:?}", found.names);
+}
+
+/// The last impacts before an accumulation are slow: moved by itself, a surface changes their times by more than all of them last.
+#[test]
+fn sensitivities_by_places_of_surfaces_pass_accumulations_of_impacts() {
+    let moving = [
+        ("controller = \"off\"", "controller = \"pd\"\nkp = 40\nkd = 3\ntarget = [0.85, -1.5]"),
+        ("friction = 0.0", "friction = 0.3"),
+        (
+            "normal = [-1, 0, 0] } }",
+            "normal = [-1, 0, 0] } }\nmotion = { amplitude = [-0.002, 0, 0], frequency = 3, phase = 3.5 }",
+        ),
+    ];
+    let motion = ["amplitude[0]", "frequency", "phase"].map(|key| format!("surface[0].motion.{key}"));
+    let wall = |k: usize| format!("surface[0].shape.halfspace.point[{k}]");
+    let walls = [wall(0)].into_iter().chain(motion).collect();
+    for (name, own, paths, h) in [("planar3", &[][..], vec![wall(1)], 1e-6), ("planar2", &moving[..], walls, 1e-6)] {
+        let scene = changed(name, own);
+        let plan = scene.plan().unwrap();
+        let parameters: Vec<Parameter> = paths.iter().map(|path| scene.parameter(path).unwrap()).collect();
+        let found = check_by(name, (&plan, &parameters), scene.duration, None, h);
+        let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
+        assert!(kinds.contains(&"zeno"), "{name}: {kinds:?}");
+        // In reverse: large parts of the maps cancel to rounding.
+        let forward = found.last_by.unwrap();
+        let run = plan.linear_run(scene.duration, &parameters).unwrap();
+        for i in 0..forward.nrows() {
+            let unit: Vec<f64> = (0..forward.nrows()).map(|k| if k == i { 1.0 } else { 0.0 }).collect();
+            let reverse = DVector::from_vec(run.vjp(&unit, &[]).unwrap()).transpose();
+            let apart = (reverse - forward.row(i)).amax();
+            assert!(apart <= 1e-9 * forward.amax(), "{name}: {apart:e}");
+        }
+    }
 }
 
 /// A bristle holds, slips and swings: its deflection is among what is differentiated.

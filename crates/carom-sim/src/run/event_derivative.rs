@@ -101,11 +101,31 @@ impl<A: Space> Follow<'_, '_, A> {
         let middle = middle.unwrap_or_default();
         let tangent = self.probe.tangent(before.x.as_slice());
         let inverse = left_inverse(&tangent);
+        let parameters = self.changed.len();
+        let acting: Vec<usize> = (0..parameters)
+            .filter(|&p| !is_closed(&self.changed[p]))
+            .filter(|&p| self.changed[p].acts(before.time.next_down(), after.time.next_up()))
+            .collect();
+        // A slow impact is much later where a surface is farther away and the motion is the same, and then another one. So such a parameter is
+        // changed together with the motion: along (S, 1), not along (0, 1).
+        let mut with = vec![None; parameters];
+        for &p in &acting {
+            let none = DVector::zeros(before.x.len());
+            let time_by = self.time_by(&none, Some(p), &before)?;
+            if self.share(&before, (&(&before.f * time_by), time_by), Some(p), self.changed[p].by)? < 1.0 {
+                let s = each.columns().map(|s| s.column(s.ncols() - parameters + p).into_owned());
+                with[p] = Some(s.unwrap_or(none));
+            }
+        }
         // In closed form along all directions; otherwise along those in which changes of start and parameters lead, each as far as the
         // others: beside them the constraints and the modes of the motion need not hold.
         let (basis, coordinates) = match &closed {
             Some(_) => (tangent, inverse.clone()),
-            None => directions(each.columns().unwrap_or(tangent)),
+            None => directions(each.columns().map_or(tangent, |s| {
+                let first = s.ncols() - parameters;
+                let own: Vec<usize> = (0..s.ncols()).filter(|&j| j < first || with[j - first].is_none()).collect();
+                s.select_columns(&own)
+            })),
         };
         let mut map = DMatrix::zeros(after.x.len(), basis.ncols());
         let mut time_by = DVector::zeros(basis.ncols());
@@ -123,26 +143,30 @@ impl<A: Space> Follow<'_, '_, A> {
             };
             map.set_column(j, &column);
         }
-        let parameters = self.changed.len();
+        let (map, time_by) = (map * &coordinates, coordinates.tr_mul(&time_by));
         let mut push = DMatrix::zeros(after.x.len(), parameters);
         let mut time_push = DVector::zeros(parameters);
-        for p in 0..parameters {
-            if let Some((touch, by)) = closed.as_ref().filter(|_| is_closed(&self.changed[p])) {
-                let (sim, parameter) = (self.run.motion.sim, self.changed[p].parameter);
-                if parameter.is_of(&sim.touches[*touch]) {
-                    push.view_mut((sim.chain.nq(), p), (sim.chain.nv(), 1))
-                        .copy_from(by.coefficient(parameter.place()));
-                }
-                continue;
+        if let Some((touch, by)) = &closed {
+            let (sim, changed) = (self.run.motion.sim, &self.changed);
+            let own = |p: &usize| is_closed(&changed[*p]) && changed[*p].parameter.is_of(&sim.touches[*touch]);
+            for p in (0..parameters).filter(own) {
+                push.view_mut((sim.chain.nq(), p), (sim.chain.nv(), 1))
+                    .copy_from(by.coefficient(changed[p].parameter.place()));
             }
-            if !self.changed[p].acts(before.time.next_down(), after.time.next_up()) {
-                continue;
-            }
-            let none = DVector::zeros(before.x.len());
-            time_push[p] = self.time_by(&none, Some(p), &before)?;
-            push.set_column(p, &self.column_after((none, time_push[p]), Some(p), &before, (&after, &middle))?);
         }
-        let (map, time_by) = (map * &coordinates, coordinates.tr_mul(&time_by));
+        for p in acting {
+            let is_with = with[p].is_some();
+            let own = with[p].take().unwrap_or_else(|| DVector::zeros(before.x.len()));
+            let time = self.time_by(&own, Some(p), &before)?;
+            let along = (&own + &before.f * time, time);
+            if is_with && self.share(&before, (&along.0, time), Some(p), self.changed[p].by)? < 1.0 {
+                let name = self.changed[p].parameter.name();
+                return self.broken(before.time, &format!("it is too slow for a derivative by {name}"));
+            }
+            time_push[p] = time - time_by.dot(&own);
+            let column = self.column_after((own.clone(), time), Some(p), &before, (&after, &middle))?;
+            push.set_column(p, &(column - &map * own));
+        }
         let happened: Vec<_> = self.happened.borrow_mut().drain(..).collect();
         // An event with a name, in whose time the motion does not go on by itself.
         let around = (!happened.is_empty() && after.time == before.time).then(|| {
@@ -198,7 +222,7 @@ impl<A: Space> Follow<'_, '_, A> {
             .then_some(*touch)
     }
 
-    /// τ′ of a change of x, or of a parameter.
+    /// τ′ of a change of x, and of a parameter with it.
     fn time_by(&mut self, own: &DVector<f64>, parameter: Option<usize>, before: &Before) -> Result<f64, Stop> {
         let Some(guard) = before.guard else { return Ok(0.0) };
         // Guards are smooth, so a larger step has less rounding.
@@ -209,7 +233,7 @@ impl<A: Space> Follow<'_, '_, A> {
             let (run, beside, step) = match parameter {
                 Some(p) => {
                     let by = self.changed[p].by;
-                    (&mut self.changed[p].runs()?[k], before.x.clone(), by)
+                    (&mut self.changed[p].runs()?[k], &before.x + own * (times * by), by)
                 }
                 None => (&mut self.probe, &before.x + own * (times * wide), wide),
             };
@@ -226,7 +250,7 @@ impl<A: Space> Follow<'_, '_, A> {
         Ok(self.changed[p].stencil())
     }
 
-    /// What a change of x, or of a parameter, becomes by the event. `middle`: the outcome without a change.
+    /// What a change of x, and of a parameter with it, becomes by the event. `middle`: the outcome without a change.
     fn column_after(
         &mut self,
         (own, time_by): (DVector<f64>, f64),
@@ -236,7 +260,9 @@ impl<A: Space> Follow<'_, '_, A> {
     ) -> Result<DVector<f64>, Stop> {
         let mut h = parameter.map_or_else(|| DIFFERENCE / own.amax().max(1.0), |p| self.changed[p].by);
         let along = own + &before.f * time_by;
-        h *= self.share(before, &along, h)?;
+        if parameter.is_none() {
+            h *= self.share(before, (&along, time_by), None, h)?;
+        }
         let end = self.run.end;
         let stencil = self.stencil(parameter)?;
         let mut found = Vec::with_capacity(stencil.at.len());
@@ -279,11 +305,24 @@ impl<A: Space> Follow<'_, '_, A> {
 
     /// By what the step `h` is too long: the approach speed of a slow impact changes by as much as itself within a small change of
     /// the state, and the outcome is not smooth beyond that.
-    fn share(&mut self, before: &Before, along: &DVector<f64>, h: f64) -> Result<f64, Stop> {
+    fn share(
+        &mut self,
+        before: &Before,
+        (along, time_by): (&DVector<f64>, f64),
+        parameter: Option<usize>,
+        h: f64,
+    ) -> Result<f64, Stop> {
         let Before { guard: Some(guard), normal: Some(_), time, .. } = *before else { return Ok(1.0) };
-        self.probe.motion.active = before.active.clone();
-        let beside = &before.x + along * h;
-        let there = rate(&mut self.probe, guard, (time, beside.as_slice()), (&before.f, DIFFERENCE))?;
+        let stencil = self.stencil(parameter)?;
+        let k = stencil.at.iter().rposition(|times| times.abs() == 1.0).unwrap_or(0);
+        let run = match parameter {
+            Some(p) => &mut self.changed[p].runs()?[k],
+            None => &mut self.probe,
+        };
+        let step = stencil.at[k] * h;
+        run.motion.active.clone_from(&before.active);
+        let beside = &before.x + along * step;
+        let there = rate(run, guard, (time + time_by * step, beside.as_slice()), (&before.f, DIFFERENCE))?;
         Ok((SLOWER * before.rate.abs() / (there - before.rate).abs()).min(1.0))
     }
 
