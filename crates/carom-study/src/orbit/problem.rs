@@ -354,7 +354,7 @@ impl Problem {
             }
             if found[0] != found[1] {
                 let [own, other] = [own, other].map(|k| &grid.axes[k].axis.name);
-                return Err(self.refusal(&format!(
+                return Err(self.refusal(format!(
                     "[basin] both axes set one number, {own}: {other} changes it, too. Give each axis a number of its own"
                 )));
             }
