@@ -89,11 +89,11 @@ impl Wrench {
         self.next_kink(time).is_none()
     }
 
-    /// Whether it is a table that is zero at all times from `start` to `end`.
-    pub(crate) fn is_idle(&self, (start, end): (f64, f64)) -> bool {
+    /// Whether it is a table that is zero from 0 s to `end`.
+    pub(crate) fn is_idle(&self, end: f64) -> bool {
         let Load::Table(profile) = &self.load else { return false };
         profile.times().windows(2).all(|pair| {
-            let (from, until) = (pair[0].max(start), pair[1].min(end));
+            let (from, until) = (pair[0].max(0.0), pair[1].min(end));
             // What is linear and zero at two times is zero between the rows.
             let zero = |share: &f64| self.load.at(from + share * (until - from)) == [Vector3::zeros(); 2];
             from >= until || [0.25, 0.5].iter().all(zero)

@@ -190,10 +190,12 @@ impl<A: Space> Motion<'_, A> {
     pub fn kinks(&mut self, time: f64, y: &[f64]) -> Result<Vec<Vector3<f64>>, SimError> {
         let mut found = self.sliding(time, y)?;
         for k in 0..self.active.lasting.len() {
-            let Lasting { touch, hold: Hold::Presses { deepest, .. } } = self.active.lasting[k] else { continue };
-            let (gap, _) = self.gap(touch, time, y)?;
+            let own = self.active.lasting[k];
+            let Hold::Presses { deepest, .. } = own.hold else { continue };
+            let (gap, rate) = self.gap(own.touch, time, y)?;
             let turned = deepest.is_finite().then_some(gap + deepest);
-            let zeros = [Some(gap), turned, self.slack(k, (time, y))?.map(Slack::value)];
+            let slack = own.slack(&self.sim.touches[own.touch].contact, (gap, rate));
+            let zeros = [Some(gap), turned, slack.map(Slack::value)];
             found.extend(zeros.into_iter().flatten().map(|zero| Vector3::x() * zero));
         }
         Ok(found)

@@ -317,17 +317,17 @@ impl<'a, A: Space> Motion<'a, A> {
         self.gaps.look(touch, &view, (q, qd), time)
     }
 
-    /// Gaps and gap rates of all touches that are near at one state, see [`Gaps::all`], and last or may close, or go on by `holds`.
+    /// Gaps and gap rates of all touches that are near at one state, see [`Gaps::all`], and last, may close or fulfil `also`.
     pub fn all_gaps(
         &mut self,
         time: f64,
         y: &[f64],
-        holds: impl Fn(&Self, &Near) -> bool,
+        also: impl Fn(&Self, &Near) -> bool,
     ) -> Result<Vec<Near>, SimError> {
         let (q, qd) = self.sim.split(y);
         let view = View::<A>::new(self.model, &mut self.workspace, q)?;
         let mut gaps = self.gaps.all(&self.active.lasting, &view, (q, qd), time)?;
-        gaps.retain(|near| self.lasts(near.0) || self.may_close(near.0, y) || holds(self, near));
+        gaps.retain(|near| self.lasts(near.0) || self.may_close(near.0, y) || also(self, near));
         Ok(gaps)
     }
 

@@ -102,20 +102,27 @@ impl<A: Space> Follow<'_, '_, A> {
         let tangent = self.probe.tangent(before.x.as_slice());
         let inverse = left_inverse(&tangent);
         let parameters = self.changed.len();
-        let acting: Vec<usize> = (0..parameters)
-            .filter(|&p| !is_closed(&self.changed[p]))
-            .filter(|&p| self.changed[p].acts(before.time.next_down(), after.time.next_up()))
-            .collect();
-        // A slow impact is much later where a surface is farther away and the motion is the same, and then another one. So such a parameter is
-        // changed together with the motion: along (S, 1), not along (0, 1).
-        let mut with = vec![None; parameters];
-        for &p in &acting {
-            let none = DVector::zeros(before.x.len());
-            let time_by = self.time_by(&none, Some(p), &before)?;
-            if self.share(&before, (&(&before.f * time_by), time_by), Some(p), self.changed[p].by)? < 1.0 {
-                let s = each.columns().map(|s| s.column(s.ncols() - parameters + p).into_owned());
-                with[p] = Some(s.unwrap_or(none));
+        let acting =
+            |changed: &Changed<A>| !is_closed(changed) && changed.acts(before.time.next_down(), after.time.next_up());
+        let acting: Vec<usize> = (0..parameters).filter(|&p| acting(&self.changed[p])).collect();
+        // A parameter may make a slow impact so much later, with the same motion, that it is another one: the change of the motion by the
+        // parameter compensates most of that. Such a parameter is changed together with the motion, along (S, 1) instead of (0, 1).
+        let (mut changes, mut together) = (Vec::with_capacity(acting.len()), Vec::new());
+        for p in acting {
+            let mut own = DVector::zeros(before.x.len());
+            let mut time_by = self.time_by(&own, Some(p), &before)?;
+            if self.is_too_long((&own, time_by), p, &before)? {
+                if let Some(s) = each.columns() {
+                    own = s.column(s.ncols() - parameters + p).into_owned();
+                }
+                time_by = self.time_by(&own, Some(p), &before)?;
+                if self.is_too_long((&own, time_by), p, &before)? {
+                    let name = self.changed[p].parameter.name();
+                    return self.broken(before.time, &format!("it is too slow for a derivative by {name}"));
+                }
+                together.push(p);
             }
+            changes.push((p, own, time_by));
         }
         // In closed form along all directions; otherwise along those in which changes of start and parameters lead, each as far as the
         // others: beside them the constraints and the modes of the motion need not hold.
@@ -123,7 +130,8 @@ impl<A: Space> Follow<'_, '_, A> {
             Some(_) => (tangent, inverse.clone()),
             None => directions(each.columns().map_or(tangent, |s| {
                 let first = s.ncols() - parameters;
-                let own: Vec<usize> = (0..s.ncols()).filter(|&j| j < first || with[j - first].is_none()).collect();
+                let own: Vec<usize> =
+                    (0..s.ncols()).filter(|&j| j < first || !together.contains(&(j - first))).collect();
                 s.select_columns(&own)
             })),
         };
@@ -154,15 +162,7 @@ impl<A: Space> Follow<'_, '_, A> {
                     .copy_from(by.coefficient(changed[p].parameter.place()));
             }
         }
-        for p in acting {
-            let is_with = with[p].is_some();
-            let own = with[p].take().unwrap_or_else(|| DVector::zeros(before.x.len()));
-            let time = self.time_by(&own, Some(p), &before)?;
-            let along = (&own + &before.f * time, time);
-            if is_with && self.share(&before, (&along.0, time), Some(p), self.changed[p].by)? < 1.0 {
-                let name = self.changed[p].parameter.name();
-                return self.broken(before.time, &format!("it is too slow for a derivative by {name}"));
-            }
+        for (p, own, time) in changes {
             time_push[p] = time - time_by.dot(&own);
             let column = self.column_after((own.clone(), time), Some(p), &before, (&after, &middle))?;
             push.set_column(p, &(column - &map * own));
@@ -324,6 +324,12 @@ impl<A: Space> Follow<'_, '_, A> {
         let beside = &before.x + along * step;
         let there = rate(run, guard, (time + time_by * step, beside.as_slice()), (&before.f, DIFFERENCE))?;
         Ok((SLOWER * before.rate.abs() / (there - before.rate).abs()).min(1.0))
+    }
+
+    /// Whether the step of a parameter, and of the motion by `own` with it, changes the approach speed of an impact too much.
+    fn is_too_long(&mut self, (own, time_by): (&DVector<f64>, f64), p: usize, before: &Before) -> Result<bool, Stop> {
+        let along = own + &before.f * time_by;
+        Ok(self.share(before, (&along, time_by), Some(p), self.changed[p].by)? < 1.0)
     }
 
     /// The largest velocity, 1/s: the reciprocal of the time in which the state changes by its own size.

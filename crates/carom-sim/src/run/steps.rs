@@ -108,14 +108,14 @@ impl<A: Space> Run<'_, '_, A> {
                 continue;
             }
             let longest = until - start;
-            let passing = self.passing()?;
+            let inactive = self.inactive()?;
             let done = if sim.stepping {
-                self.time_step(sim.contact_step.min(longest), &passing)?
+                self.time_step(sim.contact_step.min(longest), &inactive)?
             } else {
                 let longest = longest.min((self.history.wait - since).max(self.shortest()));
-                self.controlled_step(&mut length, longest, &passing)?
+                self.controlled_step(&mut length, longest, &inactive)?
             };
-            for &(touch, (gap, _)) in &passing {
+            for &(touch, (gap, _)) in &inactive {
                 if gap < -self.motion.scale.touching(touch) && self.motion.may_close(touch, &self.y) {
                     self.refuse_overlap(touch)?;
                 }
@@ -134,7 +134,7 @@ impl<A: Space> Run<'_, '_, A> {
             }
             still = if is_still { still + step } else { 0.0 };
             if still >= lasts(WAIT) && self.is_steady() {
-                self.put_back(0.0, &passing)?;
+                self.put_back(0.0, &inactive)?;
                 let y = self.y.clone();
                 if !std::mem::replace(&mut self.history.resting, true) {
                     self.note(EventKind::Rest, &y);
@@ -176,7 +176,7 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// Two time steps of half a length, which is shortened until the error is accepted or the step is the shortest. `length`: that
     /// of this and of the next step, s; `longest`: its limit now.
-    fn controlled_step(&mut self, length: &mut f64, longest: f64, passing: &[Near]) -> Result<TimeStep, SimError> {
+    fn controlled_step(&mut self, length: &mut f64, longest: f64, inactive: &[Near]) -> Result<TimeStep, SimError> {
         let sim = self.motion.sim;
         let nq = sim.chain.nq();
         let accepted = SHARE * sim.tolerance.sqrt();
@@ -185,12 +185,12 @@ impl<A: Space> Run<'_, '_, A> {
         let active = self.motion.active.clone();
         loop {
             let step = length.min(longest);
-            self.time_step(step, passing)?;
+            self.time_step(step, inactive)?;
             let whole = std::mem::replace(&mut self.y, y.clone());
             (self.time, self.history.lost, self.history.statistics) = (time, lost, statistics);
             self.motion.active.clone_from(&active);
-            let first = self.time_step(step / 2.0, passing)?;
-            let second = self.time_step(step / 2.0, passing)?;
+            let first = self.time_step(step / 2.0, inactive)?;
+            let second = self.time_step(step / 2.0, inactive)?;
             let error = whole[..nq].iter().zip(&self.y).map(|(one, two)| (one - two).abs()).fold(0.0, f64::max);
             let share = self.motion.scale.apart(&whole[..nq], &self.y[..nq]);
             let ends = share <= accepted || step <= shortest;
@@ -216,8 +216,8 @@ impl<A: Space> Run<'_, '_, A> {
     fn resumes(&mut self, step: f64) -> Result<bool, SimError> {
         let sim = self.motion.sim;
         let before = self.y.clone();
-        let passing = self.passing()?;
-        self.put_back(0.0, &passing)?;
+        let inactive = self.inactive()?;
+        self.put_back(0.0, &inactive)?;
         self.measure();
         let gravity = sim.gravity.norm().max(self.motion.scale.acceleration());
         // Within one step of fall, in position and velocity.
@@ -312,9 +312,8 @@ impl<A: Space> Run<'_, '_, A> {
         if self.motion.active.lasting.is_empty() { Ok(Vec::new()) } else { self.motion.contact_states(time, y) }
     }
 
-    /// The touches with a condition that does not hold, which do not last either: they carried no load in the last step, and do not touch at
-    /// rest.
-    fn passing(&mut self) -> Result<Vec<Near>, SimError> {
+    /// The touches whose condition does not hold and that do not last: they carried no load in the last step, and are not closed at rest.
+    fn inactive(&mut self) -> Result<Vec<Near>, SimError> {
         let (sim, mut found) = (self.motion.sim, Vec::new());
         for k in (0..sim.touches.len()).filter(|&k| sim.touches[k].closes_while.is_some()) {
             if !self.motion.may_close(k, &self.y) && !self.history.carried(k) {
@@ -327,14 +326,14 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// The contact problem of a time step of this length, s, as [`Self::time_step`] poses it.
     pub fn contact_problem(&mut self, step: f64) -> Result<SeveralProblem, SimError> {
-        let passing = self.passing()?;
-        let Posed { table, responses, u, .. } = self.posed(step, &passing)?;
+        let inactive = self.inactive()?;
+        let Posed { table, responses, u, .. } = self.posed(step, &inactive)?;
         let laws = table.laws(self.motion.sim, &self.motion.active.dry, step, Some(&u[0]));
         table.problem(&responses, laws, u.each_ref())
     }
 
     /// What the impulses of a time step of this length, s, are found from.
-    fn posed(&mut self, step: f64, passing: &[Near]) -> Result<Posed, SimError> {
+    fn posed(&mut self, step: f64, inactive: &[Near]) -> Result<Posed, SimError> {
         let sim = self.motion.sim;
         let nv = sim.chain.nv();
         let (q, qd) = self.q_qd();
@@ -384,7 +383,7 @@ impl<A: Space> Run<'_, '_, A> {
         let mut table = Constraints::new(nv);
         for k in near.near(&view, (&middle, &qd), middle_time, EQUAL * scale.length)? {
             let touch = &sim.touches[k];
-            if touch.is_compliant() || passing.iter().any(|own| own.0 == k) {
+            if touch.is_compliant() || inactive.iter().any(|own| own.0 == k) {
                 continue;
             }
             for at in touch.points(&view, &middle, middle_time, scale.touching(k)) {
@@ -403,13 +402,13 @@ impl<A: Space> Run<'_, '_, A> {
         Ok(Posed { middle, there, contacts, bends, mass, v, free, table, responses, u })
     }
 
-    /// One time step of this length, s, in which these touches do not close.
-    fn time_step(&mut self, step: f64, passing: &[Near]) -> Result<TimeStep, SimError> {
+    /// One time step of this length, s, in which the touches that are `inactive` do not close.
+    fn time_step(&mut self, step: f64, inactive: &[Near]) -> Result<TimeStep, SimError> {
         let sim = self.motion.sim;
         let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
         let start = self.time;
         let Posed { middle, mut there, mut contacts, bends, mass, v, free, table, responses, u } =
-            self.posed(step, passing)?;
+            self.posed(step, inactive)?;
         let (q, qd) = self.q_qd();
         let (middle_time, open) = (start + step / 2.0, table.contacts.is_empty());
         let mut next = free.clone();
@@ -459,7 +458,7 @@ impl<A: Space> Run<'_, '_, A> {
         sim.normalise(&mut self.y);
         self.time = start + step;
         if !open {
-            self.put_back(2.0 * fall, passing)?;
+            self.put_back(2.0 * fall, inactive)?;
         }
         self.motion.close_loops(&mut self.y)?;
 
@@ -498,9 +497,9 @@ impl<A: Space> Run<'_, '_, A> {
         self.history.stepped = told.contacts;
     }
 
-    /// Corrects overlaps above `allowed` (m), but of the touches that do not close, by the smallest displacement in the kinetic metric: with the gaps g + allowed,
-    /// 0 ≤ g + R δ ⟂ π ≥ 0, δ = M⁻¹Rᵀπ.
-    fn put_back(&mut self, allowed: f64, passing: &[Near]) -> Result<(), SimError> {
+    /// Corrects overlaps above `allowed` (m) by the smallest displacement in the kinetic metric: with the gaps g + allowed,
+    /// 0 ≤ g + R δ ⟂ π ≥ 0, δ = M⁻¹Rᵀπ. Those of the touches that are `inactive` remain.
+    fn put_back(&mut self, allowed: f64, inactive: &[Near]) -> Result<(), SimError> {
         let sim = self.motion.sim;
         let (q, qd) = self.q_qd();
         let time = self.time;
@@ -509,7 +508,7 @@ impl<A: Space> Run<'_, '_, A> {
         let mut view = View::closed_by(*model, workspace, &q, couplings)?;
         for k in near.near(&view, (&q, &qd), time, 0.0)? {
             let touch = &sim.touches[k];
-            if touch.is_compliant() || passing.iter().any(|own| own.0 == k) {
+            if touch.is_compliant() || inactive.iter().any(|own| own.0 == k) {
                 continue;
             }
             for at in touch.points(&view, &q, time, 0.0) {

@@ -180,7 +180,7 @@ impl Scene {
         let springs = springs.collect::<Result<_, _>>()?;
         let wrenches = file.force.iter().enumerate().map(|(k, it)| wrench(folder, &chain, k, it));
         let wrenches = wrenches.collect::<Result<Vec<_>, _>>().map_err(refuse)?;
-        let idle = wrenches.iter().enumerate().filter(|(_, wrench)| wrench.is_idle((0.0, run.duration)));
+        let idle = wrenches.iter().enumerate().filter(|(_, wrench)| wrench.is_idle(run.duration));
         warnings.extend(idle.map(|(k, wrench)| {
             format!(
                 "[[force]] {}: the table of {} is zero at all times of the run, 0 to {} s",

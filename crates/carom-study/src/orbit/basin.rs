@@ -92,7 +92,6 @@ impl Problem {
         columns.extend(["cycles", "period"].map(Column::number));
         columns.extend(self.state_columns());
         let plan = grid.is_of_starts().then(|| self.plan_in(grid, [x.value(0), y.value(0)])).transpose()?;
-        let plan = plan.map(|(plan, _)| plan);
         let chain = &self.scene.simulation.chain;
         let mut returns = vec![true; chain.nq() + chain.nv()];
         for v in &self.modulo {
@@ -291,7 +290,7 @@ impl Basin<'_> {
         let plan = match &self.plan {
             Some(plan) => plan,
             None => match self.problem.plan_in(self.grid, place) {
-                Ok((plan, _)) => {
+                Ok(plan) => {
                     own = plan;
                     &own
                 }

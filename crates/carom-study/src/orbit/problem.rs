@@ -315,8 +315,16 @@ impl Problem {
         self.plan_with(&vary.values(value), vary.period(value))
     }
 
-    /// The simulation of a place of a grid with its start, and the start by the keys of the scene alone.
-    pub(super) fn plan_in(&self, grid: &Grid, place: [f64; 2]) -> Result<(Timed, State), OrbitError> {
+    /// The simulation of a place of a grid, with its start.
+    pub(super) fn plan_in(&self, grid: &Grid, place: [f64; 2]) -> Result<Timed, OrbitError> {
+        let mut timed = self.plan_by_keys(grid, place)?;
+        let Plan { q, qd, .. } = &mut timed.plan;
+        grid.move_start(place, q, qd);
+        Ok(timed)
+    }
+
+    /// The same before numbers of its start are set.
+    fn plan_by_keys(&self, grid: &Grid, place: [f64; 2]) -> Result<Timed, OrbitError> {
         let (mut values, mut period) = (Vec::new(), None);
         if let Some(vary) = &self.vary {
             let axis = (0..2).find(|k| grid.axes[*k].means == Means::Parameter);
@@ -331,11 +339,7 @@ impl Problem {
         }
         let names = [0, 1].map(|k| (grid.axes[k].axis.name.as_str(), place[k]));
         values.extend(evaluated(&grid.set, &names));
-        let mut timed = self.plan_with(&values, period)?;
-        let Plan { q, qd, .. } = &mut timed.plan;
-        let given = State { q: q.clone(), qd: qd.clone() };
-        grid.move_start(place, q, qd);
-        Ok((timed, given))
+        self.plan_with(&values, period)
     }
 
     /// # Errors
@@ -349,7 +353,7 @@ impl Problem {
             for value in ends(other) {
                 let mut place = [ends(0)[0], ends(1)[0]];
                 place[other] = value;
-                let (_, State { q, qd }) = self.plan_in(grid, place)?;
+                let Plan { q, qd, .. } = self.plan_by_keys(grid, place)?.plan;
                 found.push(q.into_iter().chain(qd).nth(*n));
             }
             if found[0] != found[1] {
