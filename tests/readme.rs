@@ -1,4 +1,4 @@
-//! The README: what `cargo run --example planar2` prints, its snippets, and the size of the page.
+//! The README: what `cargo run --example planar2` prints, its snippets, and the size of the page; and words that no page of the book has.
 
 use carom::prelude::*;
 use std::process::Command;
@@ -65,4 +65,46 @@ fn no_line_of_the_readmes_code_is_hidden() {
     for line in code.flat_map(str::lines) {
         assert!(!line.starts_with("# "), "{line}");
     }
+}
+
+/// Words that tell how the project or a measurement was at another time. Such belong into the changelog.
+const OF_ANOTHER_TIME: [&str; 21] = [
+    "earlier version",
+    "earlier versions",
+    "earlier run",
+    "earlier runs",
+    "before it",
+    "before this",
+    "was measured before",
+    "were measured before",
+    "busy machine",
+    "other job",
+    "other jobs",
+    "another job",
+    "now reached",
+    "missed as set",
+    "as it was set",
+    "as they were set",
+    "aim of the project",
+    "aims of the project",
+    "aim of this project",
+    "aims of this project",
+    "not described further",
+];
+
+#[test]
+fn pages_of_the_book_tell_of_no_other_time() {
+    let pages = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/book/src")).unwrap();
+    let pages = pages.map(|entry| entry.unwrap().path()).filter(|path| path.extension().is_some_and(|end| end == "md"));
+    let (mut read, mut found) = (0, Vec::new());
+    for path in pages {
+        let text = std::fs::read_to_string(&path).unwrap().to_lowercase();
+        let words: Vec<&str> = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+        let words = format!(" {} ", words.join(" "));
+        found.extend(
+            OF_ANOTHER_TIME.iter().filter(|it| words.contains(&format!(" {it} "))).map(|it| (path.clone(), *it)),
+        );
+        read += 1;
+    }
+    assert!(read > 40 && found.is_empty(), "of {read} pages, write what is: {found:?}");
 }
