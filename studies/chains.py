@@ -132,13 +132,6 @@ def impacts(orbit):
     return sum(event["what"].startswith("impact") for event in orbit["events"])
 
 
-def at_section(orbit):
-    """Whether an impact is within a thousandth of the period of the time of the section."""
-    period = orbit["period"]
-    return any(event["what"].startswith("impact") and min(event["time"], period - event["time"]) < 1e-3 * period
-               for event in orbit["events"])
-
-
 def follow(carom, folder, limit):
     """Finds the orbit and follows its branch; `class`: no-orbit, no-impact, timeout (of the branch), branch."""
     orbit = answer(carom, folder, limit)
@@ -151,7 +144,7 @@ def follow(carom, folder, limit):
         return {"class": "timeout" if branch == "limit of time" else "no-orbit", "error": branch}
     first, last = branch["points"][0], branch["points"][-1]
     special = [{key: point[key] for key in ("kind", "parameter", "what")} for point in branch["special"]]
-    return {"class": "branch", "ended": branch["ended"], "at_section": at_section(last), "end": branch["end"], "points": len(branch["points"]),
+    return {"class": "branch", "ended": branch["ended"], "end": branch["end"], "points": len(branch["points"]),
             "last": last["parameter"], "impacts": [impacts(first), impacts(last)],
             "stability": [first["stability"], last["stability"]], "period": last["period"], "events": last["events"],
             "special": special}
@@ -173,8 +166,7 @@ def main():
             row = make(seed, folder) | follow(options.carom, folder, options.limit)
             row["seconds"] = round(time.monotonic() - begun, 2)
             print(json.dumps(row), file=file, flush=True)
-            end = row.get("ended", row["class"])
-            told[end + (", an impact at the time of the section" if row.get("at_section") and end != "range" else "")] += 1
+            told[row.get("ended", row["class"])] += 1
             branches += row["class"] in ("branch", "timeout")
             if branches == options.count:
                 break

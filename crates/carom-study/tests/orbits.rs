@@ -268,18 +268,18 @@ gravity = [{}, 0, {}]"#,
 pub fn shaken(e: f64, from: f64, to: f64, passages: usize) -> Result<Case, OrbitError> {
     let set = format!("\"surface[0].motion.amplitude[2]\" = \"{}*gamma\"", 9.81 / (20.0 * PI).powi(2));
     let vary = format!("{{ parameter = \"gamma\", from = {from}, to = {to}, set = {{ {set} }} }}");
-    shaken_over(e, from, &format!("section.period = 0.1\norbit.passages = {passages}\nvary = {vary}"))
+    shaken_over(e, (from, PI), &format!("section.period = 0.1\norbit.passages = {passages}\nvary = {vary}"))
 }
 
-/// The same at 10 Hz and Γ, with these keys of the problem.
-fn shaken_over(e: f64, gamma: f64, keys: &str) -> Result<Case, OrbitError> {
+/// The same at 10 Hz and Γ, with the table at this phase at the start, and with these keys of the problem.
+fn shaken_over(e: f64, (gamma, at): (f64, f64), keys: &str) -> Result<Case, OrbitError> {
     let (g, omega) = (9.81, 20.0 * PI);
     let period = TAU / omega;
     let amplitude = gamma * g / (omega * omega);
     // The ball leaves with g T/2 where the table rises with (1 − e)/(1 + e) g T/2.
     let phase = (0.5 * g * period * (1.0 - e) / (1.0 + e) / (amplitude * omega)).acos();
-    // The table is at phase π at the start, so that it strikes the ball in the second half of a period.
-    let since = 0.5 * period - phase / omega;
+    // Time since the last impact; at phase π the table strikes the ball in the second half of a period.
+    let since = (at - phase).rem_euclid(TAU) / omega;
     let (z, v) =
         (amplitude * phase.sin() + 0.5 * g * period * since - 0.5 * g * since * since, 0.5 * g * period - g * since);
     let urdf = String::from(r#"<robot name="juggled"><link name="ground"/>"#)
@@ -296,7 +296,7 @@ qd = [{v}]
 [[surface]]
 name = "table"
 shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}
-motion = {{ amplitude = [0, 0, {amplitude}], frequency = 10, phase = {PI} }}
+motion = {{ amplitude = [0, 0, {amplitude}], frequency = 10, phase = {at} }}
 [contact]
 law = "newton"
 restitution = {e}
@@ -338,7 +338,7 @@ fn the_period_of_a_section_follows_the_frequency_of_a_table() {
         let set = format!("set = {{ \"surface[0].motion.frequency\" = \"f\", \"section.period\" = \"{set}\" }}");
         format!("section.period = 0.1\nvary = {{ parameter = \"f\", from = 10, to = 11, {set} }}")
     };
-    let branch = shaken_over(e, gamma, &keys("1/f")).unwrap().branch().unwrap();
+    let branch = shaken_over(e, (gamma, PI), &keys("1/f")).unwrap().branch().unwrap();
     let found: Vec<(&str, f64)> = branch.special.iter().map(|it| (it.kind, it.parameter)).collect();
     assert!(matches!(found[..], [("flip", _)]), "{found:?} {}", branch.end);
     close("flip", found[0].1, 10.0 * (flip / gamma).sqrt(), 1e-8);
@@ -346,8 +346,27 @@ fn the_period_of_a_section_follows_the_frequency_of_a_table() {
     let steps: Vec<usize> = branch.points.iter().rev().skip(1).map(|point| point.orbit.iterations).collect();
     assert!(steps.iter().all(|steps| *steps <= 4), "{steps:?}");
     for (set, told) in [("f - 10", "section.period\" is 0: it must be positive"), ("g", "has the variable 'g'")] {
-        let error = shaken_over(e, gamma, &keys(set)).err().map(|e| e.to_string()).unwrap_or_default();
+        let error = shaken_over(e, (gamma, PI), &keys(set)).err().map(|e| e.to_string()).unwrap_or_default();
         assert!(error.contains(told), "{set}: {error}");
+    }
+}
+
+/// The table strikes at the phase acos(π(1−e)/((1+e)Γ)): where that is its phase at the section the branch ends, from both sides, and the motion
+/// is the same that another section follows further.
+#[test]
+fn a_branch_ends_where_an_impact_comes_to_the_time_of_the_section() {
+    let (e, there) = (0.5_f64, 1.2);
+    let at = (PI * (1.0 - e) / (1.0 + e) / there).acos();
+    for (from, to) in [(1.4, 1.1), (1.1, 1.4)] {
+        let set = format!("\"surface[0].motion.amplitude[2]\" = \"{}*gamma\"", 9.81 / (20.0 * PI).powi(2));
+        let vary = format!("{{ parameter = \"gamma\", from = {from}, to = {to}, set = {{ {set} }} }}");
+        let keys = format!("section.period = 0.1\nvary = {vary}");
+        let branch = shaken_over(e, (from, at), &keys).unwrap().branch().unwrap();
+        assert_eq!(branch.ended, "section", "{}", branch.end);
+        assert!(branch.end.contains("an event comes to the time of the section: impact"), "{}", branch.end);
+        // The phase changes by 1.4 for a change of 1 there, so that the impact is a thousandth of the period from the section.
+        close("Γ", branch.points.last().unwrap().parameter, there, 5e-3);
+        assert_eq!(shaken_over(e, (from, PI), &keys).unwrap().branch().unwrap().ended, "range");
     }
 }
 

@@ -26,9 +26,9 @@
 //! constant parameter.
 
 use super::newton::{Look, STEPS, difference};
-use super::problem::{Problem, Timed, Vary};
+use super::problem::{Problem, Section, Timed, Vary};
 use super::return_map::Period;
-use super::{Orbit, OrbitError};
+use super::{Happened, Orbit, OrbitError};
 use carom_impact::least_norm;
 use nalgebra::{Complex, DMatrix, DVector};
 use serde::Serialize;
@@ -45,7 +45,8 @@ pub struct Branch {
     /// Where the branch bifurcates, turns back, or has another sequence of events.
     pub special: Vec<Special>,
     /// Why it ends, in a word: `range` (its end), `start` (back beyond the start of the range), `points` (their greatest number); `grazing`,
-    /// `sticking`, `sliding`, `accumulation`, `events` (how the events change there); a word of [`FAILURES`](super::FAILURES) or `not-converged` (what fails there).
+    /// `sticking`, `sliding`, `accumulation`, `events` (how the events change there); `section` (an event comes to the time of the section,
+    /// which is no change of the motion); a word of [`FAILURES`](super::FAILURES) or `not-converged` (what fails there).
     pub ended: &'static str,
     /// Why it ends, in a sentence.
     pub end: String,
@@ -96,6 +97,8 @@ const CORRECTIONS: usize = 8;
 const LOCATED: f64 = 1e-10;
 /// By what −1 is shifted to find its eigenvector: more than the error of the multiplier at a located flip, so that the matrix is regular.
 const EIGENVALUE: f64 = 1e-6;
+/// An event this near to the time of the section, as a share of the period, ends a branch by that.
+const AT_SECTION: f64 = 1e-3;
 /// A function that changes by more within the located interval jumps.
 const JUMP: f64 = 1e-3;
 
@@ -222,8 +225,11 @@ impl Problem {
                     }
                 }
                 Err(error) if step <= SHORTEST => {
-                    branch.ended = self.ended(vary, &here, &error);
-                    branch.end = format!("{} = {}, by {}: {error}", vary.name, here.value, branch.ended);
+                    let (ended, why) = match self.at_section(&here.look.found.period) {
+                        Some(why) => ("section", why),
+                        None => (self.ended(vary, &here, &error), error.to_string()),
+                    };
+                    (branch.ended, branch.end) = (ended, format!("{} = {}, by {ended}: {why}", vary.name, here.value));
                     return Ok(branch);
                 }
                 Err(OrbitError::Run(error @ carom_sim::SimError::Stopped { .. })) => return Err(error.into()),
@@ -232,6 +238,18 @@ impl Problem {
         }
         branch.end = format!("{} points were computed: give [vary] more points", vary.points);
         Ok(branch)
+    }
+
+    /// What is told of an event at the time of a section by a period.
+    fn at_section(&self, period: &Period) -> Option<String> {
+        matches!(self.section, Section::After(_)).then_some(())?;
+        let near = |event: &&Happened| event.time.min(period.time - event.time) <= AT_SECTION * period.time;
+        let Happened { time, what } = period.events.iter().find(near)?;
+        Some(format!(
+            "an event comes to the time of the section: {what} at {time} s of a period of {} s. The motion does not change there: \
+             with another phase of what moves, the section lies elsewhere in it",
+            period.time
+        ))
     }
 
     /// Why a branch ends after a place, where longer steps fail with this error: how the events of motions beyond it differ, or what fails.
