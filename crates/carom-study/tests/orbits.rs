@@ -345,10 +345,21 @@ fn the_period_of_a_section_follows_the_frequency_of_a_table() {
     // The derivative by the parameter is right: corrections are few. The end of the range is found from farther away.
     let steps: Vec<usize> = branch.points.iter().rev().skip(1).map(|point| point.orbit.iterations).collect();
     assert!(steps.iter().all(|steps| *steps <= 4), "{steps:?}");
-    for (set, told) in [("f - 10", "section.period\" is 0: it must be positive"), ("g", "has the variable 'g'")] {
+    let told = [
+        ("f - 10", "section.period\" is 0: it must be positive"),
+        ("g", "has the variable 'g'"),
+        (
+            "1.1/f",
+            "table moves with 10 Hz, 1.100000 times in it, and no motion returns. Give a whole number of its periods, as 0.1;",
+        ),
+    ];
+    for (set, told) in told {
         let error = shaken_over(e, (gamma, PI), &keys(set)).err().map(|e| e.to_string()).unwrap_or_default();
         assert!(error.contains(told), "{set}: {error}");
     }
+    let same = "section.period = 0.1\nvary = { parameter = \"surface[0].motion.frequency\", from = 10, to = 11 }";
+    let error = shaken_over(e, (gamma, PI), same).err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(error.contains("give set.\"section.period\" there"), "{error}");
 }
 
 /// The table strikes at the phase acos(π(1−e)/((1+e)Γ)): where that is its phase at the section the branch ends, from both sides, and the motion

@@ -5,10 +5,11 @@ use crate::map_study::Axis;
 use crate::numbered::checksums;
 use crate::problem_file::{self, Formulas, evaluated, formulas};
 use carom_chain::Chain;
-use carom_sim::{LinearFunction, Parameter, Plan, Scene, Simulation, Touch};
+use carom_sim::{LinearFunction, Oscillation, Parameter, Plan, Scene, Simulation, SurfaceMotion, Touch};
 use exmex::prelude::*;
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 #[derive(Deserialize)]
@@ -367,18 +368,48 @@ impl Problem {
     }
 
     fn plan_with(&self, values: &[(String, f64)], period: Option<f64>) -> Result<Timed, OrbitError> {
-        let mut plan = if values.is_empty() { self.scene.plan()? } else { self.scene.with_values(values)?.plan()? };
+        let changed = if values.is_empty() { None } else { Some(self.scene.with_values(values)?) };
+        let scene = changed.as_ref().unwrap_or(&self.scene);
+        let mut plan = scene.plan()?;
         plan.simulation.tolerance = self.tolerance;
         plan.simulation.stop.clone_from(&self.scene.simulation.stop);
         let longest = match self.section {
             Section::After(given) => period.unwrap_or(given),
             _ => self.scene.duration,
         };
-        if longest > 0.0 && longest.is_finite() {
-            return Ok(Timed { plan, longest });
+        if !(longest > 0.0 && longest.is_finite()) {
+            let rule = "it must be positive and finite over the whole range";
+            return Err(self.refusal(format!("[vary] set.\"section.period\" is {longest}: {rule}")));
         }
-        let rule = "it must be positive and finite over the whole range";
-        Err(self.refusal(format!("[vary] set.\"section.period\" is {longest}: {rule}")))
+        self.check_phases(scene, longest)?;
+        Ok(Timed { plan, longest })
+    }
+
+    /// # Errors
+    /// [`OrbitError::File`] if a surface that oscillates has another phase after the period of a section than before it: no motion returns.
+    fn check_phases(&self, scene: &Scene, period: f64) -> Result<(), OrbitError> {
+        /// A period that is given with six digits is meant as the exact one.
+        const DIGITS: f64 = 1e-6;
+        // A relabelled state may belong to the mirrored motion, half a period later.
+        if !matches!(self.section, Section::After(_)) || !self.relabel.is_empty() {
+            return Ok(());
+        }
+        for surface in &scene.surfaces {
+            let Some(SurfaceMotion::Oscillation(Oscillation { amplitude, frequency, .. })) = &surface.motion else {
+                continue;
+            };
+            let frequency = frequency.abs() / TAU;
+            let count = period * frequency;
+            let whole = count.round().max(1.0);
+            if amplitude.norm() > 0.0 && frequency != 0.0 && (count - whole).abs() > DIGITS * whole {
+                return Err(self.refusal(format!(
+                    "[section] period = {period}: surface {} moves with {frequency} Hz, {count:.6} times in it, and no motion returns. Give a \
+                     whole number of its periods, as {}; where [vary] changes the frequency, give set.\"section.period\" there",
+                    surface.name, whole / frequency
+                )));
+            }
+        }
+        Ok(())
     }
 
     /// The simulation that starts on an orbit, at the first value of the parameter.
