@@ -221,10 +221,10 @@ pub enum SimError {
         /// The rule that it breaks.
         rule: &'static str,
     },
-    /// An invalid request about a link, a joint or a loop.
+    /// An invalid request about a link, a joint, a loop or a parameter.
     #[error("{what} '{name}' {problem}")]
     Named {
-        /// `link`, `joint` or `loop`.
+        /// `link`, `joint`, `loop` or `parameter`.
         what: &'static str,
         /// Its name.
         name: String,

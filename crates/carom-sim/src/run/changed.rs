@@ -2,7 +2,7 @@
 
 use super::run_state::Run;
 use super::trajectory::{Sampling, Seen};
-use crate::error::SimError;
+use crate::error::{SimError, named};
 use crate::model::{Parameter, Place, Simulation};
 use crate::motion::ActiveSet;
 use crate::state::Space;
@@ -123,7 +123,10 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
 
     fn change(&self) -> Result<Four<A>, SimError> {
         let sim = self.base.0;
-        let refused = |rule| SimError::Setting { what: "parameter of a sensitivity", value: self.by, rule };
+        let refused = |does: String| {
+            let problem = format!("has no derivative: changed by {:e} it {does}", self.by);
+            named("parameter", self.parameter.name(), problem)
+        };
         let changed = |stencil: Stencil| -> Result<_, SimError> {
             let [a, b, c, d] = stencil.at.map(|times| self.parameter.apply(sim, times * self.by));
             Ok((stencil, [a?, b?, c?, d?]))
@@ -136,10 +139,12 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
             let (own, chain) = (&sim.chain, &other.chain);
             (own.nq(), own.nv()) == (chain.nq(), chain.nv()) && other.touches.len() == sim.touches.len()
         };
-        if !sims.iter().all(fits) {
-            let rule =
-                "it changes the joints or the number of possible contacts: a parameter must leave both as they are";
-            return Err(refused(rule));
+        if let Some(other) = sims.iter().find(|other| !fits(other)) {
+            let [own, other] = [sim, other].map(|sim| [sim.touches.len(), sim.chain.nv()]);
+            return Err(refused(format!(
+                "makes {} possible contacts of {} and {} velocities of {} ('carom plan' tells which; model = \"full\" keeps all)",
+                other[0], own[0], other[1], own[1]
+            )));
         }
         if sims.iter().all(|other| other.chain == sim.chain) {
             return Ok(Four { stencil, sims, models: None });
@@ -147,7 +152,9 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
         let mut models = sims.iter().map_while(self.model);
         let four = std::array::from_fn(|_| models.next());
         let [Some(a), Some(b), Some(c), Some(d)] = four else {
-            return Err(refused("it takes the robot out of the plane in which it moves"));
+            return Err(refused(
+                "takes the robot out of the plane in which it moves (model = \"full\" is in space)".into(),
+            ));
         };
         Ok(Four { stencil, sims, models: Some([a, b, c, d]) })
     }
