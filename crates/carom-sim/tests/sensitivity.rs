@@ -312,7 +312,10 @@ fn a_parameter_that_changes_the_contacts_is_refused() {
     let sim = ball(ContactRule::default());
     let bad = Parameter::new("contacts", 1.0, |sim, _| sim.touches.clear());
     let refused = sim.sensitivity(&[0.6], &[0.0], 0.5, &[bad]).unwrap_err().to_string();
-    assert!(refused.contains("parameter 'contacts' has no derivative: changed by 1e-5 it makes 0 possible contacts of 1"), "{refused}");
+    assert!(
+        refused.contains("parameter 'contacts' has no derivative: changed by 1e-5 it makes 0 possible contacts of 1"),
+        "{refused}"
+    );
 }
 
 /// Parameters that change inertias, in free motion and through impacts, in the plane and in space.

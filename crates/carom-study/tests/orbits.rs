@@ -359,7 +359,9 @@ fn the_period_of_a_section_follows_the_frequency_of_a_table() {
     }
     let same = "section.period = 0.1\nvary = { parameter = \"surface[0].motion.frequency\", from = 10, to = 11 }";
     let error = shaken_over(e, (gamma, PI), same).err().map(|e| e.to_string()).unwrap_or_default();
-    assert!(error.contains("give set.\"section.period\" there"), "{error}");
+    let ended = "surface table moves with 11 Hz, 1.100000 times in it, and no motion returns. Give a whole number of its periods, as \
+                 0.09090909090909091; where [vary] changes the frequency, give set.\"section.period\" there";
+    assert!(error.contains("<problem>: [section] period = 0.1: ") && error.ends_with(ended), "{error}");
 }
 
 /// The table strikes at the phase acos(π(1−e)/((1+e)Γ)): where that is its phase at the section the branch ends, from both sides, and the motion

@@ -246,7 +246,7 @@ impl Problem {
         let near = |event: &&Happened| event.time.min(period.time - event.time) <= AT_SECTION * period.time;
         let Happened { time, what } = period.events.iter().find(near)?;
         Some(format!(
-            "an event comes to the time of the section: {what} at {time} s of a period of {} s. The motion does not change there: \
+            "an event comes to the time of the section: {what} at {time:.3e} s of a period of {} s. The motion does not change there: \
              with another phase of what moves, the section lies elsewhere in it",
             period.time
         ))

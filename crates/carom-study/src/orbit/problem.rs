@@ -109,6 +109,8 @@ pub struct Problem {
     pub(super) basin: Option<Grid>,
     /// The text of the problem file.
     pub(super) text: String,
+    /// The file that messages name.
+    pub(super) name: String,
 }
 
 /// Where a period begins and ends.
@@ -275,6 +277,7 @@ impl Problem {
             vary: vary.transpose()?,
             basin: None,
             text: text.to_owned(),
+            name: name.clone(),
             scene,
         };
         let grid = file.basin.as_ref().map(|keys| problem.grid(keys).map_err(|why| refuse(format!("[basin] {why}"))));
@@ -294,8 +297,7 @@ impl Problem {
 
     /// An error of the problem file.
     pub(super) fn refusal(&self, rule: impl Into<String>) -> OrbitError {
-        let file = self.files.first().map_or_else(String::new, |file| file.display().to_string());
-        OrbitError::File { file, rule: rule.into() }
+        OrbitError::File { file: self.name.clone(), rule: rule.into() }
     }
 
     /// The start of the scene.
@@ -398,7 +400,8 @@ impl Problem {
             let Some(SurfaceMotion::Oscillation(Oscillation { amplitude, frequency, .. })) = &surface.motion else {
                 continue;
             };
-            let frequency = frequency.abs() / TAU;
+            // In rad/s it is the rounded multiple of what the file says.
+            let frequency = (frequency.abs() / TAU * 1e12).round() / 1e12;
             let count = period * frequency;
             let whole = count.round().max(1.0);
             if amplitude.norm() > 0.0 && frequency != 0.0 && (count - whole).abs() > DIGITS * whole {
