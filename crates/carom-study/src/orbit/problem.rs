@@ -400,7 +400,7 @@ impl Problem {
             let Some(SurfaceMotion::Oscillation(Oscillation { amplitude, frequency, .. })) = &surface.motion else {
                 continue;
             };
-            // In rad/s it is the rounded multiple of what the file says.
+            // In Hz, as in the file: the conversions change its last digits.
             let frequency = (frequency.abs() / TAU * 1e12).round() / 1e12;
             let count = period * frequency;
             let whole = count.round().max(1.0);
