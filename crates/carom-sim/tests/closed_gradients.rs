@@ -258,3 +258,34 @@ fn a_bounce_whose_force_vanishes_before_it_opens_has_its_closed_form_gradient() 
         }
     }
 }
+
+/// Without gravity a ball leaves a floor at z₀ with e v, a time τ(v) after it has touched it: it is at z₀ + e v (T − (h − z₀)/v − τ) at the end, with
+/// the derivatives 1 + e by z₀ and −e by h whatever the force. While the contact lasts they are up to √(k/m) times as large, in 1/s: they lose so
+/// many digits. Depths are micrometres, and z₀ = 0 gives no size for the step of a difference.
+#[test]
+fn a_stiff_bounce_has_its_closed_form_gradient_by_the_height_of_the_floor() {
+    let (e, v) = (0.6, 2.3);
+    for force in ["hunt-crossley", "kelvin-voigt", "walton-braun"] {
+        for stiffness in [1e4, 1e6, 1e8] {
+            let start = format!("qd = [0, 0, -{v}, 0, 0, 0]");
+            let law = format!("restitution = {e}\ncompliance = {{ force = \"{force}\", stiffness = {stiffness:e} }}");
+            let scene = changed(
+                "bounce",
+                &[
+                    ("qd = [0, 0, 0, 0, 0, 0]", &start),
+                    ("restitution = 0.8", &law),
+                    ("gravity = [0, 0, -9.81]", "gravity = [0, 0, 0]"),
+                ],
+            );
+            let height = scene.parameter("surface[0].shape.halfspace.point[2]").unwrap();
+            let by = scene.plan().unwrap().sensitivity(0.6, &[height]).unwrap().last_by.unwrap();
+            for (row, column, exact) in [(2, 2, -e), (8, 2, 0.0), (2, 12, 1.0 + e), (8, 12, 0.0)] {
+                let apart: f64 = by[(row, column)] - exact;
+                assert!(
+                    apart.abs() < 1e-7 * f64::sqrt(stiffness),
+                    "{force}, {stiffness:e}: {row} by {column}: {apart:e} of {exact}"
+                );
+            }
+        }
+    }
+}

@@ -130,6 +130,11 @@ impl Compliance {
         self.normal == Yielding::WaltonBraun
     }
 
+    /// Whether its normal force is no linear function of the penetration.
+    pub(crate) fn is_curved(&self) -> bool {
+        matches!(self.normal, Yielding::HuntCrossley { exponent, .. } if exponent != 1.0)
+    }
+
     pub(crate) fn has_bristle(&self) -> bool {
         matches!(self.tangential, Holding::Bristle { .. })
     }

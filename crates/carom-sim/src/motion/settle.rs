@@ -9,7 +9,7 @@ use super::select::Candidate;
 use super::smooth::Motion;
 use crate::contact::Slack;
 use crate::error::SimError;
-use crate::state::{ContactImpulse, EXACT, ROUNDING, Space, View};
+use crate::state::{ContactImpulse, EXACT, GROWTH, ROUNDING, Space, View};
 use carom_chain::Rows;
 use carom_impact::least_norm;
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -197,6 +197,27 @@ impl<A: Space> Motion<'_, A> {
             let slack = own.slack(&self.sim.touches[own.touch].contact, (gap, rate));
             let zeros = [Some(gap), turned, slack.map(Slack::value)];
             found.extend(zeros.into_iter().flatten().map(|zero| Vector3::x() * zero));
+        }
+        Ok(found)
+    }
+
+    /// Whether the depth of a compliant contact has its least part, less than one of [`GROWTH`], at the first or at the last of these states, and
+    /// its force the slope of a root there.
+    pub fn roots(&mut self, states: [(f64, &[f64]); 2]) -> Result<[bool; 2], SimError> {
+        let mut found = [false; 2];
+        for k in 0..self.active.lasting.len() {
+            let touch = self.active.lasting[k].touch;
+            if self.active.lasting[k].is_rigid()
+                || !self.sim.touches[touch].contact.compliance.is_some_and(|it| it.is_curved())
+            {
+                continue;
+            }
+            let mut depths = [0.0; 2];
+            for (depth, (time, y)) in depths.iter_mut().zip(states) {
+                *depth = (-self.gap(touch, time, y)?.0).max(0.0);
+            }
+            found[0] |= GROWTH * depths[0] < depths[1];
+            found[1] |= GROWTH * depths[1] < depths[0];
         }
         Ok(found)
     }

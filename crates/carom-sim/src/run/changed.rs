@@ -6,11 +6,18 @@ use crate::error::{SimError, named};
 use crate::model::{Parameter, Place, Simulation};
 use crate::motion::ActiveSet;
 use crate::state::Space;
+use nalgebra::Vector3;
 use std::cell::OnceCell;
 
 /// Step of the central differences of fourth order, relative to the size of the number that is changed: of events, and of forces and
 /// places of contacts, whose error is then some 1e-11 of their size.
 pub(crate) const DIFFERENCE: f64 = 1e-5;
+
+/// How many times this step is shortened to a tenth, at most, where a kink of the forces is near: then it is the rounding of the number.
+const SHORTER: usize = 9;
+
+/// Longest step of these differences relative to the distance to the nearest kink.
+pub(crate) const SHORT: f64 = 0.01;
 
 /// The multiples of the step at which a function is evaluated, and the weights of the derivative.
 pub(crate) const AT: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
@@ -37,6 +44,11 @@ impl Stencil {
     pub fn is_one_sided(&self) -> bool {
         self.at[0] == 0.0
     }
+
+    /// The place which is one step away.
+    pub fn beside(&self) -> usize {
+        self.at.iter().rposition(|times| times.abs() == 1.0).unwrap_or(0)
+    }
 }
 
 /// What a run is made of: the simulation, its chain in the plane or in space, and q and qd of the start.
@@ -49,8 +61,8 @@ pub(crate) struct Four<A: Space> {
     models: Option<[A::Model; 4]>,
 }
 
-/// These, once they are made.
-pub(crate) type Others<A> = OnceCell<Box<Four<A>>>;
+/// These for each length of the step, once they are made.
+pub(crate) type Others<A> = [OnceCell<Box<Four<A>>>; SHORTER + 1];
 
 /// A parameter, and the runs in which it is changed, which are made when they are needed: its derivative may have closed forms.
 pub(crate) struct Changed<'a, 'w, A: Space> {
@@ -63,7 +75,7 @@ pub(crate) struct Changed<'a, 'w, A: Space> {
     /// The chain of a changed simulation.
     model: fn(&Simulation) -> Option<A::Model>,
     others: &'a Others<A>,
-    runs: Option<Box<[Run<'a, 'w, A>; 4]>>,
+    runs: [Option<Box<[Run<'a, 'w, A>; 4]>>; SHORTER + 1],
 }
 
 impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
@@ -80,7 +92,7 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
             Place::Motor { number, joint } => base.0.drive.span(number, &joint),
             _ => [f64::NEG_INFINITY, f64::INFINITY],
         };
-        let mut changed = Self { parameter, by, span, base, model, others, runs: None };
+        let mut changed = Self { parameter, by, span, base, model, others, runs: Default::default() };
         if matches!(parameter.place(), Place::Anywhere) {
             changed.runs()?;
         }
@@ -97,38 +109,45 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
     /// # Errors
     /// Those of the change and of the start of a run.
     pub fn runs(&mut self) -> Result<&mut [Run<'a, 'w, A>; 4], SimError> {
+        self.runs_at(0).map(|(_, _, runs)| runs)
+    }
+
+    /// Where its runs are, once they are made.
+    pub fn stencil(&self) -> Stencil {
+        self.others[0].get().map_or(CENTRAL, |others| others.stencil)
+    }
+
+    /// Stencil, step and runs where the step is shortened so many times.
+    fn runs_at(&mut self, shorter: usize) -> Result<(Stencil, f64, &mut [Run<'a, 'w, A>; 4]), SimError> {
         let (_, model, start) = self.base;
-        if self.runs.is_none() {
-            let others = match self.others.get() {
-                Some(others) => others,
-                None => {
-                    let made = Box::new(self.change()?);
-                    self.others.get_or_init(|| made)
-                }
-            };
+        let by = self.by * 0.1f64.powi(shorter as i32);
+        let others = match self.others[shorter].get() {
+            Some(others) => others,
+            None => {
+                let made = Box::new(self.change(by)?);
+                self.others[shorter].get_or_init(|| made)
+            }
+        };
+        let runs = &mut self.runs[shorter];
+        if runs.is_none() {
             let [a, b, c, d] = others.sims.each_ref();
             let beside = |k: usize, other| {
                 let model = others.models.as_ref().map_or(model, |models| &models[k]);
                 Run::at_start(other, model, start, Sampling::default(), silent())
             };
-            self.runs = Some(Box::new([beside(0, a)?, beside(1, b)?, beside(2, c)?, beside(3, d)?]));
+            *runs = Some(Box::new([beside(0, a)?, beside(1, b)?, beside(2, c)?, beside(3, d)?]));
         }
-        self.runs.as_deref_mut().map_or_else(|| unreachable!("the runs are made"), Ok)
+        runs.as_deref_mut().map_or_else(|| unreachable!("the runs are made"), |runs| Ok((others.stencil, by, runs)))
     }
 
-    /// Where its runs are, once they are made.
-    pub fn stencil(&self) -> Stencil {
-        self.others.get().map_or(CENTRAL, |others| others.stencil)
-    }
-
-    fn change(&self) -> Result<Four<A>, SimError> {
+    fn change(&self, by: f64) -> Result<Four<A>, SimError> {
         let sim = self.base.0;
         let refused = |does: String| {
-            let problem = format!("has no derivative: changed by {:e} it {does}", self.by);
+            let problem = format!("has no derivative: changed by {by:e} it {does}");
             named("parameter", self.parameter.name(), problem)
         };
         let changed = |stencil: Stencil| -> Result<_, SimError> {
-            let [a, b, c, d] = stencil.at.map(|times| self.parameter.apply(sim, times * self.by));
+            let [a, b, c, d] = stencil.at.map(|times| self.parameter.apply(sim, times * by));
             Ok((stencil, [a?, b?, c?, d?]))
         };
         let [ahead, behind] = ONE_SIDED;
@@ -159,20 +178,33 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
         Ok(Four { stencil, sims, models: Some([a, b, c, d]) })
     }
 
-    /// [`Changed::runs`] in this mode, each with its weight in the derivative.
+    /// Its runs in this mode, each with its weight in the derivative. `kinks`: what is zero at kinks of the forces, of a run in this mode and
+    /// here. The step is at most `SHORT` of what leads to the nearest.
     ///
     /// # Errors
-    /// As there.
+    /// Those of [`Changed::runs`], and of `kinks`.
     pub fn runs_in(
         &mut self,
         active: &ActiveSet,
+        (here, kinks): (&[Vector3<f64>], impl Fn(&mut Run<'a, 'w, A>) -> Result<Vec<Vector3<f64>>, SimError>),
     ) -> Result<impl Iterator<Item = (&mut Run<'a, 'w, A>, f64)>, SimError> {
-        self.runs()?;
-        let (by, weights) = (self.by, self.stencil().weights);
-        let runs = self.runs()?;
+        let mut shorter = 0;
+        if !here.is_empty() {
+            let (stencil, _, runs) = self.runs_at(0)?;
+            let run = &mut runs[stencil.beside()];
+            run.motion.active.clone_from(active);
+            let steps = nearest(here, &kinks(run)?);
+            shorter = ((SHORT * steps).log10().floor().min(0.0).abs() as usize).min(SHORTER);
+        }
+        let (stencil, by, runs) = self.runs_at(shorter)?;
         runs.iter_mut().for_each(|run| run.motion.active.clone_from(active));
-        Ok(runs.iter_mut().zip(weights).map(move |(run, weight)| (run, weight / by)))
+        Ok(runs.iter_mut().zip(stencil.weights).map(move |(run, weight)| (run, weight / by)))
     }
+}
+
+/// How many changes like that from `here` to `there` lead to the nearest zero.
+pub(crate) fn nearest(here: &[Vector3<f64>], there: &[Vector3<f64>]) -> f64 {
+    here.iter().zip(there).map(|(here, there)| here.norm() / (there - here).norm()).fold(f64::INFINITY, f64::min)
 }
 
 /// A callback that does nothing; it has no size, so nothing is allocated.

@@ -314,7 +314,7 @@ impl<A: Space> Follow<'_, '_, A> {
     ) -> Result<f64, Stop> {
         let Before { guard: Some(guard), normal: Some(_), time, .. } = *before else { return Ok(1.0) };
         let stencil = self.stencil(parameter)?;
-        let k = stencil.at.iter().rposition(|times| times.abs() == 1.0).unwrap_or(0);
+        let k = stencil.beside();
         let run = match parameter {
             Some(p) => &mut self.changed[p].runs()?[k],
             None => &mut self.probe,

@@ -38,9 +38,9 @@ pub(crate) trait Flow {
     fn told(&mut self, t: f64, y: &[f64], motors: bool) -> Result<Told, SimError>;
     /// Closes the loops at a state between two steps.
     fn close(&mut self, y: &mut [f64]) -> Result<(), SimError>;
-    /// Into how many pieces a step of this length that ends at this state is divided for derivatives.
-    fn pieces(&mut self, _: &[f64], _: f64) -> Result<usize, SimError> {
-        Ok(1)
+    /// The shares of a step, between these states and of this length, at which it is divided for derivatives; the last is 1.
+    fn pieces(&mut self, _: [(f64, &[f64]); 2]) -> Result<Vec<f64>, SimError> {
+        Ok(vec![1.0])
     }
     /// Projects a state that drifted off its constraint back onto it; returns whether it changed the state.
     fn settle(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SimError>;

@@ -85,7 +85,7 @@ fn follow<A: Space>(
     each: &mut dyn Maps,
 ) -> Result<End, SimError> {
     let (sim, model, start) = base;
-    let others: Vec<Others<A>> = parameters.iter().map(|_| Others::<A>::new()).collect();
+    let others: Vec<Others<A>> = parameters.iter().map(|_| Others::<A>::default()).collect();
     let happened = RefCell::new(Vec::new());
     let mut note = |seen: Seen| {
         if let Seen::Event(event) = seen {

@@ -33,6 +33,8 @@ struct Known {
 const GAUSS: f64 = 2.27e-5;
 /// The greatest decay in a step: with it the method keeps 0.005 where 0.0025 is left; an explicit integrator is not stable beyond it, either.
 const DECAY: f64 = 6.0;
+/// The pieces of a step in which a force has the slope of a root.
+const GRADED: usize = 8;
 
 impl<'m, 'a, A: Space> Guarded<'m, 'a, A> {
     /// For the present mode from this time to the next `kink`.
@@ -77,6 +79,24 @@ impl<'m, 'a, A: Space> Guarded<'m, 'a, A> {
         }
         let held = self.known.as_ref().filter(|_| needs_forces).map(|known| &known.held);
         look(self.motion, &self.guards[which], (time, y), held, see)
+    }
+
+    /// Into how many equal pieces a step of this length is divided.
+    fn equal_pieces(&mut self, y: &[f64], span: f64) -> Result<usize, SimError> {
+        let (stiffness, damping) = self.motion.regulation(&[]);
+        if stiffness.iter().chain(&damping).all(|gain| *gain == 0.0) {
+            return Ok(1);
+        }
+        let longest = (self.motion.sim.tolerance / GAUSS).powf(1.0 / 9.0);
+        let (q, _) = self.motion.sim.split(y);
+        let Some(factor) = self.motion.view(q)?.kin.mass_matrix().cholesky() else { return Ok(1) };
+        let mobility = factor.inverse().diagonal();
+        let pieces = stiffness.iter().zip(&damping).zip(mobility.iter()).map(|((k, d), mobility)| {
+            let (rate, decay) = (k * mobility, d * mobility);
+            let oscillation = (rate - 0.25 * decay * decay).max(0.0).sqrt();
+            (oscillation / longest).max(decay / DECAY) * span
+        });
+        Ok((pieces.fold(1.0, f64::max).ceil() as usize).min(MAX_STEPS))
     }
 }
 
@@ -177,22 +197,20 @@ impl<A: Space> Flow for Guarded<'_, '_, A> {
     /// joint alone: an oscillation of √(k/m − (d/2m)²), of which Gauss's method of order 8 has an error of [`GAUSS`] x⁹ in a step of x times
     /// the time of this rate, which becomes the tolerance; and a decay of d/m, in a step of which by [`DECAY`] that method has an error of
     /// 3e-3, which decays itself.
-    fn pieces(&mut self, y: &[f64], span: f64) -> Result<usize, SimError> {
-        let (stiffness, damping) = self.motion.regulation(&[]);
-        if stiffness.iter().chain(&damping).all(|gain| *gain == 0.0) {
-            return Ok(1);
-        }
+    ///
+    /// At a force with the slope of a root of the depth, k d^1.5, the method has an error of 1e-3 of its change in a step from d = 0;
+    /// in [`GRADED`] pieces that end at (k/8)⁴ of the step 6e-8.
+    fn pieces(&mut self, [(start, from), (until, to)]: [(f64, &[f64]); 2]) -> Result<Vec<f64>, SimError> {
         self.known = None; // the scratch memory of the motion is that of other states afterwards
-        let longest = (self.motion.sim.tolerance / GAUSS).powf(1.0 / 9.0);
-        let (q, _) = self.motion.sim.split(y);
-        let Some(factor) = self.motion.view(q)?.kin.mass_matrix().cholesky() else { return Ok(1) };
-        let mobility = factor.inverse().diagonal();
-        let pieces = stiffness.iter().zip(&damping).zip(mobility.iter()).map(|((k, d), mobility)| {
-            let (rate, decay) = (k * mobility, d * mobility);
-            let oscillation = (rate - 0.25 * decay * decay).max(0.0).sqrt();
-            (oscillation / longest).max(decay / DECAY) * span
-        });
-        Ok((pieces.fold(1.0, f64::max).ceil() as usize).min(MAX_STEPS))
+        let equal = self.equal_pieces(to, until - start)?;
+        let mut shares: Vec<f64> = (1..=equal).map(|k| k as f64 / equal as f64).collect();
+        let graded = (1..GRADED).map(|k| (k as f64 / GRADED as f64).powi(4));
+        let [begins, ends] = self.motion.roots([(start, from), (until, to)])?;
+        shares.extend(graded.clone().filter(|_| begins));
+        shares.extend(graded.map(|share| 1.0 - share).filter(|_| ends));
+        shares.sort_by(f64::total_cmp);
+        shares.dedup();
+        Ok(shares)
     }
 
     fn settle(&mut self, time: f64, y: &mut [f64]) -> Result<bool, SimError> {

@@ -112,11 +112,12 @@ impl SolOut for Observer<'_, '_, '_> {
             };
             if let Some(path) = &mut sampler.path {
                 path.retain(|step| step.start < start); // a leg that failed is repeated
-                let pieces = system.ask(|flow| flow.pieces(y, until - start)).max(1);
-                let knot =
-                    |k: usize| if k == pieces { until } else { start + (until - start) * k as f64 / pieces as f64 };
-                path.extend((0..pieces).map(|k| {
-                    let (start, end) = (knot(k), knot(k + 1));
+                let last = at(until);
+                let shares = system.ask(|flow| flow.pieces([(start, &self.y_before), (until, &last)]));
+                let mut from = start;
+                path.extend(shares.iter().map(|share| {
+                    let end = if *share == 1.0 { until } else { start + (until - start) * share };
+                    let start = std::mem::replace(&mut from, end);
                     Step { start, end, states: Step::POINTS.map(|point| at(start + (end - start) * point)).to_vec() }
                 }));
             }

@@ -12,17 +12,14 @@
 //! integrated over each step of the motion by Gauss's method of order 8 (Hairer, Nørsett & Wanner 1993, section II.7), which needs A at
 //! four times of the step only: the equations are linear, so its stages are the solution of one linear system.
 
-use super::changed::{AT, Changed, DIFFERENCE, WEIGHTS};
+use super::changed::{AT, Changed, DIFFERENCE, SHORT, WEIGHTS, nearest};
 use super::run_state::Run;
 use super::trajectory::Step;
 use crate::error::SimError;
 use crate::model::Place;
 use crate::motion::{Hold, Lasting, Linear};
-use crate::state::{STEPS, Space};
+use crate::state::{ROUNDING, STEPS, Space};
 use nalgebra::{DMatrix, DVector, DVectorView, Dyn, LU, Matrix4, Vector3, Vector4};
-
-/// Largest step of these differences relative to the distance to the nearest kink.
-const SHORT: f64 = 0.01;
 
 /// Gauss's collocation method with four stages.
 pub(crate) struct Gauss {
@@ -146,7 +143,7 @@ impl<A: Space> Run<'_, '_, A> {
             }
             for (p, changed) in changed.iter_mut().enumerate() {
                 let mut column = push.column_mut(p);
-                for (run, weight) in changed.runs_in(&self.motion.active)? {
+                for (run, weight) in changed.runs_in(&self.motion.active, (&kinks, |run| run.motion.kinks(time, &y)))? {
                     column += run.field(time, x)? * weight;
                 }
             }
@@ -194,7 +191,7 @@ impl<A: Space> Run<'_, '_, A> {
         self.y_of(x); // the differences have changed what is remembered
         let len = changes.first().map_or(0, DVector::len);
         for changed in changed {
-            changes.push(self.push_of(changed, (time, y), &at, len)?);
+            changes.push(self.push_of(changed, (time, y), (&at, kinks), len)?);
         }
         for (j, qdd) in self.motion.answers(y, &at, &changes)?.iter().enumerate() {
             let columns = tangent.ncols();
@@ -224,7 +221,7 @@ impl<A: Space> Run<'_, '_, A> {
         &mut self,
         changed: &mut Changed<A>,
         (time, y): (f64, &[f64]),
-        at: &Linear,
+        (at, kinks): (&Linear, &[Vector3<f64>]),
         len: usize,
     ) -> Result<DVector<f64>, SimError> {
         let mut change = DVector::zeros(len);
@@ -232,7 +229,7 @@ impl<A: Space> Run<'_, '_, A> {
             Place::Motor { number, joint } => change[joint.v] = self.motion.motor_by((number, &joint), (time, y), at),
             Place::Restitution | Place::Friction if self.motion.is_free(at) => {}
             _ => {
-                for (run, weight) in changed.runs_in(&self.motion.active)? {
+                for (run, weight) in changed.runs_in(&self.motion.active, (kinks, |run| run.motion.kinks(time, y)))? {
                     let mut part = run.motion.balance(time, y, at)?;
                     // Those of all are the same, unless gravity or the chain is changed.
                     let (own, sim) = (run.motion.sim, self.motion.sim);
@@ -260,8 +257,7 @@ impl<A: Space> Run<'_, '_, A> {
         let beside: Vec<f64> = x.iter().zip(direction.iter()).map(|(x, d)| x + DIFFERENCE * d).collect();
         let y = self.y_of(&beside);
         let there = self.motion.kinks(time, &y)?;
-        let times = kinks.iter().zip(there).map(|(here, there)| DIFFERENCE * here.norm() / (there - here).norm());
-        Ok(times.fold(f64::INFINITY, f64::min))
+        Ok(DIFFERENCE * nearest(kinks, &there))
     }
 
     /// The derivative of a function of x along a direction, by a central difference of fourth order. Near a kink, so many times the direction
@@ -275,7 +271,7 @@ impl<A: Space> Run<'_, '_, A> {
     ) -> Result<DVector<f64>, SimError> {
         let moving = x.iter().zip(direction.iter()).filter(|(_, d)| **d != 0.0);
         let size = moving.fold(1.0, |most: f64, (x, _)| most.max(x.abs()));
-        let h = (DIFFERENCE * size).min(SHORT * nearest).max(DIFFERENCE * DIFFERENCE);
+        let h = (DIFFERENCE * size).min(SHORT * nearest).max(ROUNDING * size);
         let mut found: Option<DVector<f64>> = None;
         for (times, weight) in AT.iter().zip(WEIGHTS) {
             let moved: Vec<f64> = x.iter().zip(direction.iter()).map(|(x, d)| x + times * h * d).collect();
