@@ -10,7 +10,7 @@
 use super::active_set::Hold;
 use super::assembled::Assembled;
 use super::rows::Contact;
-use crate::state::{Basis, CLEAR, EXACT, Spread};
+use crate::state::{Basis, CLEAR, EQUAL, EXACT, Spread};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, LU};
 use std::ops::Range;
 
@@ -68,7 +68,7 @@ impl Equations {
     /// # Errors
     /// The row of a contact that jams: no force along it opens the gap.
     pub fn of(found: &Assembled) -> Result<Option<Self>, usize> {
-        let (k, constraints) = (found.delassus(), &found.constraints);
+        let (mut k, constraints) = (found.delassus(), &found.constraints);
         let (m, skew) = (k.nrows(), !constraints.skewed.is_empty());
         if m == 1 {
             // A unit force must open the gap; NaN does not.
@@ -79,10 +79,19 @@ impl Equations {
                 (false, true) => {} // a joint that loops lock, held by its dry friction
             }
         }
+        // Rows that nothing moves, as those across the plane of a planar robot, have no force: ∞ λ = b.
+        let least = Basis::least(&k);
+        for i in (0..m).filter(|i| !constraints.skewed.contains(i)) {
+            if k[(i, i)] > EQUAL * least {
+                continue;
+            }
+            k.row_mut(i).fill(0.0);
+            k.column_mut(i).fill(0.0);
+            k[(i, i)] = f64::INFINITY;
+        }
         let symmetric = if skew { (&k + k.transpose()) * 0.5 } else { k.clone() };
         if let Some(factor) = symmetric.cholesky() {
             let l = factor.l_dirty();
-            let least = Basis::least(&k);
             if (0..m).all(|i| l[(i, i)] * l[(i, i)] > CLEAR * found.terms(i).max(least)) {
                 return Ok(Some(if skew { Self::Regular(k.lu()) } else { Self::Symmetric(factor) }));
             }
