@@ -29,10 +29,10 @@ use std::sync::atomic::AtomicBool;
 /// Neimark-Sacker points and changes of the sequence of events are located. With --cycles no orbit
 /// is looked for: the motion runs from the start of the scene at each value of the parameter. With
 /// --basin it runs from each start of the grid of [basin], and it is told to which attractor it leads.
-/// JSON keys: joints, start {q, qd}, period, events [{time, what}], multipliers [[re, im]],
-///   stability, residual, iterations; with --branch: parameter, points [{parameter, as above}],
-///   passages, special [{kind, parameter, what, after}], ended, end, and with --doubled: doubled
-///   [{as a branch}]; with --cycles: values, rows, failed; with --basin:
+/// JSON keys: joints, start {q, qd}, start_time, period, events [{time, what}],
+///   multipliers [[re, im]], stability, residual, iterations; with --branch: parameter, points
+///   [{parameter, as above}], passages, special [{kind, parameter, what, after}], ended, end, and
+///   with --doubled: doubled [{as a branch}]; with --cycles: values, rows, failed; with --basin:
 ///   rows, computed, outcomes [{outcome, cells}], attractors [{period, state {q, qd}, cells}].
 /// An interruption (Ctrl-C) or a full disk keeps the rows of --cycles and --basin that are done in
 /// X.partial.csv or X.partial.parquet; the exit status is 1, and --resume continues.

@@ -369,20 +369,53 @@ fn the_period_of_a_section_follows_the_frequency_of_a_table() {
     assert!(error.contains("<problem>: [section] period = 0.1: ") && error.ends_with(ended), "{error}");
 }
 
-/// The table strikes at the phase acos(π(1−e)/((1+e)Γ)): where that is its phase at the section the branch ends, from both sides, and the motion
-/// is the same that another section follows further.
+/// The table strikes at the phase φ with cos φ = π (1 − e)/((1 + e) Γ): where that is its phase at the section, from both sides, the section
+/// moves, and the branch goes on as one whose section is elsewhere.
 #[test]
-fn a_branch_ends_where_an_impact_comes_to_the_time_of_the_section() {
+fn a_section_by_a_period_moves_away_from_an_impact() {
     let (e, there) = (0.5_f64, 1.2);
     let at = (PI * (1.0 - e) / (1.0 + e) / there).acos();
     for (from, to) in [(1.4, 1.1), (1.1, 1.4)] {
         let branch = shaken_from(e, at, [from, to], 1).unwrap().branch().unwrap();
-        assert_eq!(branch.ended, "section", "{}", branch.end);
-        assert!(branch.end.contains("an event comes to the time of the section: impact"), "{}", branch.end);
+        assert_eq!(branch.ended, "range", "{}", branch.end);
+        let [moved] = branch.special.as_slice() else { panic!("{:?}", branch.special) };
+        assert_eq!(moved.kind, "section", "{}", moved.what);
+        assert!(moved.what.contains("(impact ball on table"), "{}", moved.what);
         // A thousandth of the period is a phase of 6.3e-3, and dφ/dΓ = 1.49 there.
-        close("Γ", branch.points.last().unwrap().parameter, there, 5e-3);
-        assert_eq!(shaken(e, from, to, 1).unwrap().branch().unwrap().ended, "range");
+        close("Γ", moved.parameter, there, 5e-3);
+        let last = branch.points.last().unwrap();
+        let time = last.orbit.start_time;
+        let other = shaken_from(e, at + 20.0 * PI * time, [to, from], 1).unwrap().find().unwrap();
+        close("position", last.orbit.start.q[0], other.start.q[0], 1e-10);
+        close("velocity", last.orbit.start.qd[0], other.start.qd[0], 1e-9);
+        close("multiplier", last.orbit.multipliers[0].re, other.multipliers[0].re, 1e-8);
+        assert!(time > 0.0 && branch.points[0].orbit.start_time == 0.0, "{time}");
     }
+}
+
+/// Over the frequency Γ = A ω²/g changes, and the moved section moves with the period: Newton's method stays quadratic.
+#[test]
+fn a_moved_section_follows_the_frequency() {
+    let (e, there) = (0.5_f64, 1.2);
+    let at = (PI * (1.0 - e) / (1.0 + e) / there).acos();
+    let keys = "section.period = 0.1\nvary = { parameter = \"f\", from = 10, to = 13, \
+                set = { \"section.period\" = \"1/f\", \"surface[0].motion.frequency\" = \"f\" } }";
+    let problem = shaken_over(e, (1.1, at), keys).unwrap();
+    let branch = problem.branch().unwrap();
+    assert_eq!(branch.ended, "range", "{}", branch.end);
+    let [moved, flip] = branch.special.as_slice() else { panic!("{:?}", branch.special) };
+    assert_eq!((moved.kind, flip.kind), ("section", "flip"));
+    let exact = (2.0 * (1.0 + e * e) / (1.0 + e).powi(2)).hypot(PI * (1.0 - e) / (1.0 + e));
+    close("Γ of the flip", 1.1 * (flip.parameter / 10.0).powi(2), exact, 1e-8);
+    for point in &branch.points[moved.after..] {
+        close("phase of the section", (point.orbit.start_time * point.parameter).fract(), 0.5, 1e-6);
+        assert!(point.orbit.iterations <= 4, "{} at {}", point.orbit.iterations, point.parameter);
+    }
+    // The orbits of twice the period have the section where it is at the flip.
+    let (_, doubled) = problem.doubled(&branch).unwrap();
+    let first = &doubled.points[1].orbit;
+    assert_eq!((doubled.passages, first.events.len()), (2, 2));
+    close("phase of the section", (first.start_time * doubled.points[1].parameter).fract(), 0.5, 1e-6);
 }
 
 /// A second route: iteration of the map converges to the orbit where it is stable, and leaves it where it is not.

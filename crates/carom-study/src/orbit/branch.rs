@@ -21,6 +21,7 @@
 //! | `sliding` | – | the same of sliding |
 //! | `accumulation` | – | an accumulation of impacts appears or vanishes |
 //! | `events` | – | the sequence of events changes in another way |
+//! | `section` | – | an event comes to the time of a section by a period, which is moved to the middle of the longest time without events and contacts |
 //!
 //! At a flip the orbits of twice the period begin ([`Problem::doubled`]): from the flip the first step is along the eigenvector of −1, at a
 //! constant parameter.
@@ -28,8 +29,9 @@
 use super::newton::{Look, STEPS, difference};
 use super::problem::{Problem, Section, Timed, Vary};
 use super::return_map::Period;
-use super::{Happened, Orbit, OrbitError};
+use super::{Happened, Orbit, OrbitError, State};
 use carom_impact::least_norm;
+use carom_sim::Moment;
 use nalgebra::{Complex, DMatrix, DVector};
 use serde::Serialize;
 
@@ -45,8 +47,8 @@ pub struct Branch {
     /// Where the branch bifurcates, turns back, or has another sequence of events.
     pub special: Vec<Special>,
     /// Why it ends, in a word: `range` (its end), `start` (back beyond the start of the range), `points` (their greatest number); `grazing`,
-    /// `sticking`, `sliding`, `accumulation`, `events` (how the events change there); `section` (an event comes to the time of the section,
-    /// which is no change of the motion); a word of [`FAILURES`](super::FAILURES) or `not-converged` (what fails there).
+    /// `sticking`, `sliding`, `accumulation`, `events` (how the events change there); `section` (an event comes to the time of the section, which
+    /// has no place elsewhere); a word of [`FAILURES`](super::FAILURES) or `not-converged` (what fails there).
     pub ended: &'static str,
     /// Why it ends, in a sentence.
     pub end: String,
@@ -65,7 +67,8 @@ pub struct Point {
 /// A special point of a branch.
 #[derive(Debug, Clone, Serialize)]
 pub struct Special {
-    /// `fold`, `flip`, `neimark-sacker`; `grazing`, `sticking`, `sliding`, `accumulation`, `events`: how the events change.
+    /// `fold`, `flip`, `neimark-sacker`; `grazing`, `sticking`, `sliding`, `accumulation`, `events`: how the events change; `section`: it has
+    /// moved.
     pub kind: &'static str,
     /// Value of the parameter.
     pub parameter: f64,
@@ -97,7 +100,7 @@ const CORRECTIONS: usize = 8;
 const LOCATED: f64 = 1e-10;
 /// By what −1 is shifted to find its eigenvector: more than the error of the multiplier at a located flip, so that the matrix is regular.
 const EIGENVALUE: f64 = 1e-6;
-/// An event this near to the time of the section, as a share of the period, ends a branch by that.
+/// An event this near to the time of a section by a period, as a share of it, moves the section.
 const AT_SECTION: f64 = 1e-3;
 /// A function that changes by more within the located interval jumps.
 const JUMP: f64 = 1e-3;
@@ -153,10 +156,13 @@ impl Problem {
                 if branch.passages == 1 { "1 passage".to_owned() } else { format!("{} passages", branch.passages) }
             )));
         };
-        let near = &branch.points[flip.after.clamp(1, branch.points.len()) - 1].orbit.start;
-        let plan = self.plan(Some(flip.parameter))?;
-        let parameter = self.parameter(flip.parameter);
-        let (look, iterations) = self.find_from(&plan, near.clone(), None)?;
+        let near = &branch.points[flip.after.clamp(1, branch.points.len()) - 1].orbit;
+        // Where the branch has its section there.
+        let later = near.start_time - self.scene.simulation.start_time;
+        let problem = Self { phase: later * self.passages as f64 / near.period, ..self.clone() };
+        let plan = problem.plan(Some(flip.parameter))?;
+        let parameter = problem.parameter(flip.parameter);
+        let (look, iterations) = problem.find_from(&plan, near.start.clone(), None)?;
         let n = look.r.len();
         let unknown = self.unknown(n);
         let m = unknown.len();
@@ -171,7 +177,7 @@ impl Problem {
         }
         let mut direction = DVector::zeros(n + 1);
         unknown.iter().enumerate().for_each(|(i, k)| direction[*k] = along[i]);
-        let problem = Self { passages: 2 * self.passages, ..self.clone() };
+        let problem = Self { passages: 2 * self.passages, ..problem };
         let look = problem.look(&plan, look.x, parameter.as_ref())?;
         let place = problem.place(&vary, (flip.parameter, plan), look, &direction);
         let doubled = problem.follow_on(&vary, Place { direction, ..place }, (iterations, 0.1 * FIRST))?;
@@ -194,21 +200,22 @@ impl Problem {
             end: String::new(),
         };
         let beyond = |value: f64| (value - vary.from) / (vary.to - vary.from);
+        let mut problem = self.clone();
         while branch.points.len() < vary.points {
             let left = (1.0 - beyond(here.value)) / here.direction[here.look.r.len()];
             if (0.0..=step).contains(&left)
-                && let Some((last, iterations)) = self.landed(vary, &here, left)
+                && let Some((last, iterations)) = problem.landed(vary, &here, left)
             {
-                self.specials(vary, &here, &last, left, &mut branch);
-                branch.points.push(self.point(&last, iterations));
+                problem.specials(vary, &here, &last, left, &mut branch);
+                branch.points.push(problem.point(&last, iterations));
                 (branch.ended, branch.end) = ("range", format!("{} = {}, the end of the range", vary.name, vary.to));
                 return Ok(branch);
             }
-            match self.next(vary, &here, step) {
+            match problem.next(vary, &here, step) {
                 Ok((there, iterations)) => {
                     let share = beyond(there.value);
-                    self.specials(vary, &here, &there, step, &mut branch);
-                    branch.points.push(self.point(&there, iterations));
+                    problem.specials(vary, &here, &there, step, &mut branch);
+                    branch.points.push(problem.point(&there, iterations));
                     if share < 0.0 {
                         let end = format!("{} = {}: back beyond the start of the range", vary.name, there.value);
                         (branch.ended, branch.end) = ("start", end);
@@ -225,9 +232,25 @@ impl Problem {
                     }
                 }
                 Err(error) if step <= SHORTEST => {
-                    let (ended, why) = match self.at_section(&here.look.found.period) {
-                        Some(why) => ("section", why),
-                        None => (self.ended(vary, &here, &error), error.to_string()),
+                    let at_section = problem.at_section(&here.look.found.period);
+                    let after = branch.points.len();
+                    let has_moved = branch.special.last().is_some_and(|it| it.kind == "section" && it.after == after);
+                    let moved = at_section.filter(|_| !has_moved).and_then(|_| problem.elsewhere(vary, &here));
+                    if let (Some(what), Some((moved, there))) = (at_section, moved) {
+                        let time = there.plan.simulation.start_time;
+                        let what = format!(
+                            "an event ({what}) comes to the time of the section: from here on it is at {time} s"
+                        );
+                        branch.special.push(Special { kind: "section", parameter: here.value, what, after });
+                        (problem, here, step) = (moved, there, FIRST);
+                        continue;
+                    }
+                    let (ended, why) = match at_section {
+                        Some(what) => {
+                            let rule = "no time without event and contact is long enough for it";
+                            ("section", format!("an event ({what}) comes to the time of the section, and {rule}"))
+                        }
+                        None => (problem.ended(vary, &here, &error), error.to_string()),
                     };
                     (branch.ended, branch.end) = (ended, format!("{} = {}, by {ended}: {why}", vary.name, here.value));
                     return Ok(branch);
@@ -240,16 +263,44 @@ impl Problem {
         Ok(branch)
     }
 
-    /// What is told of an event at the time of a section by a period.
-    fn at_section(&self, period: &Period) -> Option<String> {
+    /// The event that comes to the time of a section by a period.
+    fn at_section<'p>(&self, period: &'p Period) -> Option<&'p str> {
         matches!(self.section, Section::After(_)).then_some(())?;
-        let near = |event: &&Happened| event.time.min(period.time - event.time) <= AT_SECTION * period.time;
-        let Happened { time, what } = period.events.iter().find(near)?;
-        Some(format!(
-            "an event comes to the time of the section: {what} at {time:.3e} s of a period of {} s. The motion does not change there: \
-             with another phase of what moves, the section lies elsewhere in it",
-            period.time
-        ))
+        let one = period.time / self.passages as f64;
+        let near = |event: &&Happened| {
+            let since = event.time.rem_euclid(one);
+            since.min(one - since) <= AT_SECTION * one
+        };
+        Some(&period.events.iter().find(near)?.what)
+    }
+
+    /// The same place with its section in the middle of the longest time without events and contacts, if it is long enough.
+    fn elsewhere(&self, vary: &Vary, here: &Place) -> Option<(Self, Place)> {
+        let period = &here.look.found.period;
+        let one = period.time / self.passages as f64;
+        let mut times: Vec<f64> = period.events.iter().map(|event| event.time.rem_euclid(one)).collect();
+        times.sort_by(f64::total_cmp);
+        let next = times.iter().skip(1).copied().chain([times.first()? + one]);
+        let mut free: Vec<[f64; 2]> = times.iter().zip(next).map(|(from, to)| [*from, to]).collect();
+        free.sort_by(|[from, to], [a, b]| (b - a).total_cmp(&(to - from)));
+        let mut long =
+            free.iter().filter(|[from, to]| to - from > 4.0 * AT_SECTION * one).map(|[from, to]| 0.5 * (from + to));
+        let (later, Moment { q, qd, .. }) = long.find_map(|later| {
+            let mut session = self.session(&here.plan, &here.look.x).ok()?;
+            session.advance(later).ok()?;
+            session.contacts().is_ok_and(|contacts| contacts.is_empty()).then(|| (later, session.moment()))
+        })?;
+        let phase = self.phase + later / one;
+        // A period later the motion is the same, or mirrored.
+        let phase = if self.relabel.is_empty() { phase.fract() } else { phase };
+        let problem = Self { phase, ..self.clone() };
+        let plan = problem.plan(Some(here.value)).ok()?;
+        let look = problem.look(&plan, State { q, qd }, problem.parameter(here.value).as_ref()).ok()?;
+        let n = look.r.len();
+        let mut before = DVector::zeros(n + 1);
+        before[n] = here.direction[n].signum();
+        let there = problem.place(vary, (here.value, plan), look, &before);
+        Some((problem, there))
     }
 
     /// Why a branch ends after a place, where longer steps fail with this error: how the events of motions beyond it differ, or what fails.
@@ -264,14 +315,16 @@ impl Problem {
             match beyond {
                 Ok(period) if sequence(&period) != before => return change(&before, &sequence(&period)),
                 Ok(_) => step *= 10.0,
-                Err(error) => return error.name(),
+                Err(error) if step <= SHORTEST => return error.name(),
+                // A long step may lead to no start of a motion.
+                Err(_) => break,
             }
         }
         error.name()
     }
 
     fn point(&self, place: &Place, iterations: usize) -> Point {
-        Point { parameter: place.value, orbit: self.orbit(place.look.clone(), iterations) }
+        Point { parameter: place.value, orbit: self.orbit(place.look.clone(), iterations, &place.plan) }
     }
 
     /// A point with its direction: that of the null space of G along `before`.

@@ -57,6 +57,8 @@ pub struct Happened {
 pub struct Orbit {
     /// The state at its start, on the section.
     pub start: State,
+    /// The time of its start, s: `start_time` of the scene, or later where a branch has moved a section by a period.
+    pub start_time: f64,
     /// Its period, s.
     pub period: f64,
     /// Its events.

@@ -33,9 +33,9 @@ impl Problem {
     /// # Errors
     /// [`OrbitError`]: the run fails, does not return, has no derivative, or Newton's method does not converge.
     pub fn find(&self) -> Result<Orbit, OrbitError> {
-        let value = self.vary.as_ref().map(|vary| vary.from);
-        let (look, iterations) = self.first(&self.plan(value)?)?;
-        Ok(self.orbit(look, iterations))
+        let plan = self.plan(self.vary.as_ref().map(|vary| vary.from))?;
+        let (look, iterations) = self.first(&plan)?;
+        Ok(self.orbit(look, iterations, &plan))
     }
 
     /// The orbit near the start of the scene, at the first value of the parameter.
@@ -152,12 +152,13 @@ impl Problem {
         Ok(State { q, qd })
     }
 
-    pub(super) fn orbit(&self, here: Look, iterations: usize) -> Orbit {
+    pub(super) fn orbit(&self, here: Look, iterations: usize, plan: &Timed) -> Orbit {
         let Look { x, found, size, .. } = here;
         let multipliers = self.multipliers(&found.by_state);
         let stability = Stability::of(&multipliers);
         Orbit {
             start: x,
+            start_time: plan.simulation.start_time,
             period: found.period.time,
             events: found.period.events,
             multipliers,

@@ -56,13 +56,15 @@ impl Branch {
             let mut pieces: Vec<Vec<[f64; 2]>> = Vec::new();
             for (branch, rows) in &branches {
                 let mut drawn = false;
+                let moved = |k| branch.special.iter().any(|it| it.kind == "section" && it.after == k);
                 for k in 1..rows.len() {
                     if (branch.points[k].orbit.stability == Stability::Stable) != is {
                         drawn = false;
                         continue;
                     }
-                    match pieces.last_mut().filter(|_| drawn) {
+                    match pieces.last_mut().filter(|_| drawn && !moved(k)) {
                         Some(piece) => piece.push(rows[k]),
+                        None if moved(k) => pieces.push(vec![rows[k]]),
                         None => pieces.push(vec![rows[k - 1], rows[k]]),
                     }
                     drawn = true;

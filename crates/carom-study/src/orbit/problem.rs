@@ -96,6 +96,8 @@ pub struct Problem {
     /// Warnings about the scene.
     pub warnings: Vec<String>,
     pub(super) section: Section,
+    /// By what share of its period a section that is one is later than the start of the scene.
+    pub(super) phase: f64,
     /// Numbers of the change of a state that need not return.
     pub(super) modulo: Vec<usize>,
     /// Of each relabelled joint: its numbers in q and qd, and the function of the others that it becomes.
@@ -269,6 +271,7 @@ impl Problem {
             files: scene.files.clone(),
             warnings: scene.warnings.clone(),
             section,
+            phase: 0.0,
             modulo,
             relabel,
             passages: at_least_one("passages", *passages, 1)?,
@@ -384,6 +387,7 @@ impl Problem {
             return Err(self.refusal(format!("[vary] set.\"section.period\" is {longest}: {rule}")));
         }
         self.check_phases(scene, longest)?;
+        plan.simulation.start_time += self.phase * longest;
         Ok(Timed { plan, longest })
     }
 
@@ -421,7 +425,9 @@ impl Problem {
     /// [`OrbitError`] of the scene.
     pub fn plan_of(&self, orbit: &Orbit) -> Result<Plan, OrbitError> {
         let State { q, qd } = orbit.start.clone();
-        Ok(Plan { q, qd, ..self.plan(self.vary.as_ref().map(|vary| vary.from))?.plan })
+        let mut plan = self.plan(self.vary.as_ref().map(|vary| vary.from))?.plan;
+        plan.simulation.start_time = orbit.start_time;
+        Ok(Plan { q, qd, ..plan })
     }
 
     /// The parameter of the problem at a value, as one by which runs are differentiated.
@@ -434,8 +440,9 @@ impl Problem {
         let period = (8.0 * (at(value + h) - at(value - h)) - (at(value + 2.0 * h) - at(value - 2.0 * h))) / (12.0 * h);
         let parameter = Parameter::try_new(vary.name.clone(), scale, move |simulation, delta| {
             let changed = scene.with_values(&vary.values(value + delta))?.plan()?.simulation;
-            let Simulation { stop, max_events, .. } = simulation;
-            *simulation = Simulation { stop: stop.clone(), max_events: *max_events, tolerance, ..changed };
+            let Simulation { stop, max_events, start_time, .. } = simulation;
+            let (stop, max_events, start_time) = (stop.clone(), *max_events, *start_time);
+            *simulation = Simulation { stop, max_events, start_time, tolerance, ..changed };
             Ok(())
         });
         Some(ByParameter { parameter, period })

@@ -14,7 +14,8 @@
 //! DP = R (S + f τ′)
 //! ```
 //!
-//! τ′ is that of the event; of a function w of the state τ′ = −∂w S/(∂w f); of a given time 0, but by a parameter that it follows.
+//! τ′ is that of the event; of a function w of the state τ′ = −∂w S/(∂w f); of a given time 0, but by a parameter that it follows. Where the start
+//! is later by the share σ of this time, it moves by σ τ′, too: that adds (f − S f₀) σ τ′, with the rate f₀ of x at the start.
 
 use super::problem::{ByParameter, Problem, Section, Timed};
 use super::{Happened, OrbitError, State};
@@ -23,6 +24,9 @@ use carom_sim::{
     Broken, Event, EventKind, Moment, Parameter, Plan, Sampling, Seen, Segment, Session, SimError, StopReason,
 };
 use nalgebra::{DMatrix, DVector};
+
+/// The rate at the start is that after this share of the passage.
+const AT_ONCE: f64 = 1e-12;
 
 /// One passage from a state on the section to the next.
 pub(super) struct Passage {
@@ -115,7 +119,8 @@ impl Problem {
             _ => false,
         };
         loop {
-            let left = longest - (session.time() - from);
+            // In this order the rest of a start at any time is zero in the end.
+            let left = from + longest - session.time();
             if left <= 0.0 {
                 break;
             }
@@ -227,7 +232,13 @@ impl Problem {
             }
         };
         let r = self.relabelling(n / 2);
-        let all = r * (s + f * time_by.transpose());
+        let mut all = &s + &f * time_by.transpose();
+        if let Some(by) = parameter.filter(|by| self.phase * by.period != 0.0) {
+            let before = DVector::from_vec(plan.sensitivity(AT_ONCE * passage.time, &[])?.rate);
+            let mut own = all.column_mut(n);
+            own += (f - s.columns(0, n) * before) * (self.phase * by.period);
+        }
+        let all = r * all;
         let own = if parameters.is_empty() { DVector::zeros(n) } else { all.column(n).into_owned() };
         Ok((all.columns(0, n).into_owned(), own))
     }

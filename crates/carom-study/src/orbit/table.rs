@@ -22,12 +22,12 @@ impl Problem {
         self.vary.as_ref().map(|vary| [vary.from, vary.to])
     }
 
-    /// The columns of a table of a branch: the parameter, the number of passages of a period, the state on the section, the period, the
-    /// largest multiplier, stability.
+    /// The columns of a table of a branch: the parameter, the number of passages of a period, the state on the section and its time, the period,
+    /// the largest multiplier, stability.
     pub fn branch_columns(&self) -> Vec<Column> {
         let mut columns = vec![Column::number(self.parameter_name()), Column::number("passages")];
         columns.extend(self.state_columns());
-        columns.push(Column::number("period").in_unit("s"));
+        columns.extend(["start_time", "period"].map(|name| Column::number(name).in_unit("s")));
         columns.extend(["multiplier.re", "multiplier.im", "multiplier.size"].map(Column::number));
         columns.push(Column::word("stability", STABILITIES));
         columns
@@ -49,7 +49,7 @@ impl Branch {
             let largest = orbit.multipliers.first().copied().unwrap_or_default();
             let stability = STABILITIES.iter().position(|name| *name == orbit.stability.name()).unwrap_or_default();
             let first = [point.parameter, self.passages as f64];
-            let last = [orbit.period, largest.re, largest.im, largest.norm(), stability as f64];
+            let last = [orbit.start_time, orbit.period, largest.re, largest.im, largest.norm(), stability as f64];
             [&first, orbit.start.q.as_slice(), &orbit.start.qd, &last].concat()
         };
         self.points.iter().map(row).collect()
