@@ -68,7 +68,7 @@ pub(crate) type Others<A> = [OnceCell<Box<Four<A>>>; SHORTER + 1];
 pub(crate) struct Changed<'a, 'w, A: Space> {
     pub parameter: &'a Parameter,
     /// The number of which multiples are added to it.
-    pub by: f64,
+    by: f64,
     /// The first and the last time at which it acts.
     span: [f64; 2],
     base: Base<'a, A>,
@@ -112,13 +112,11 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
         self.runs_at(0).map(|(_, _, runs)| runs)
     }
 
-    /// Where its runs are, once they are made.
-    pub fn stencil(&self) -> Stencil {
-        self.others[0].get().map_or(CENTRAL, |others| others.stencil)
-    }
-
     /// Stencil, step and runs where the step is shortened so many times.
-    fn runs_at(&mut self, shorter: usize) -> Result<(Stencil, f64, &mut [Run<'a, 'w, A>; 4]), SimError> {
+    ///
+    /// # Errors
+    /// As [`Changed::runs`].
+    pub fn runs_at(&mut self, shorter: usize) -> Result<(Stencil, f64, &mut [Run<'a, 'w, A>; 4]), SimError> {
         let (_, model, start) = self.base;
         let by = self.by * 0.1f64.powi(shorter as i32);
         let others = match self.others[shorter].get() {

@@ -29,6 +29,7 @@ use super::crossing::{After, Before, Struck, WIDE, jump, normal, outcome, rate, 
 use super::follow::{Follow, Stop};
 use super::guard::{Ending, Guard, Is};
 use super::linear_run::{Around, LinearEvent, Maps};
+use super::run_state::Run;
 use super::trajectory::EventKind;
 use super::variation::left_inverse;
 use crate::error::SimError;
@@ -45,10 +46,15 @@ const GRAZING: f64 = 1e-7;
 const FAINT: f64 = 1e-3;
 /// The share of its approach speed by which an impact may be slower beside the motion.
 const SLOWER: f64 = 1e-2;
+/// How often the step of a parameter is shortened to a tenth for a slow impact, at most: seven digits are left then.
+const FINEST: usize = 4;
 /// A second difference above this share of the first may be a kink.
 const KINK: f64 = 0.05;
 
-impl<A: Space> Follow<'_, '_, A> {
+/// The number of a parameter, and how often its step is shortened.
+type By = (usize, usize);
+
+impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
     /// Ξ, τ′, and what the parameters add; `None` where nothing happens.
     pub(super) fn event(
         &mut self,
@@ -110,19 +116,21 @@ impl<A: Space> Follow<'_, '_, A> {
         let (mut changes, mut together) = (Vec::with_capacity(acting.len()), Vec::new());
         for p in acting {
             let mut own = DVector::zeros(before.x.len());
-            let mut time_by = self.time_by(&own, Some(p), &before)?;
-            if self.is_too_long((&own, time_by), p, &before)? {
+            let mut time_by = self.time_by(&own, Some((p, 0)), &before)?;
+            let mut shorter = 0;
+            if self.share_by((&own, time_by), p, &before)? < 1.0 {
                 if let Some(s) = each.columns() {
                     own = s.column(s.ncols() - parameters + p).into_owned();
                 }
-                time_by = self.time_by(&own, Some(p), &before)?;
-                if self.is_too_long((&own, time_by), p, &before)? {
+                time_by = self.time_by(&own, Some((p, 0)), &before)?;
+                shorter = (-self.share_by((&own, time_by), p, &before)?.log10()).ceil() as usize;
+                if shorter > FINEST {
                     let name = self.changed[p].parameter.name();
                     return self.broken(before.time, &format!("it is too slow for a derivative by {name}"));
                 }
                 together.push(p);
             }
-            changes.push((p, own, time_by));
+            changes.push(((p, shorter), own, time_by));
         }
         // In closed form along all directions; otherwise along those in which changes of start and parameters lead, each as far as the
         // others: beside them the constraints and the modes of the motion need not hold.
@@ -162,9 +170,10 @@ impl<A: Space> Follow<'_, '_, A> {
                     .copy_from(by.coefficient(changed[p].parameter.place()));
             }
         }
-        for (p, own, time) in changes {
+        for (by, own, time) in changes {
+            let (p, _) = by;
             time_push[p] = time - time_by.dot(&own);
-            let column = self.column_after((own.clone(), time), Some(p), &before, (&after, &middle))?;
+            let column = self.column_after((own.clone(), time), Some(by), &before, (&after, &middle))?;
             push.set_column(p, &(column - &map * own));
         }
         let happened: Vec<_> = self.happened.borrow_mut().drain(..).collect();
@@ -223,54 +232,51 @@ impl<A: Space> Follow<'_, '_, A> {
     }
 
     /// τ′ of a change of x, and of a parameter with it.
-    fn time_by(&mut self, own: &DVector<f64>, parameter: Option<usize>, before: &Before) -> Result<f64, Stop> {
+    fn time_by(&mut self, own: &DVector<f64>, parameter: Option<By>, before: &Before) -> Result<f64, Stop> {
         let Some(guard) = before.guard else { return Ok(0.0) };
-        // Guards are smooth, so a larger step has less rounding.
-        let wide = WIDE / own.amax().max(1.0);
         let mut slope = 0.0;
-        let Stencil { at, weights } = self.stencil(parameter)?;
+        // Guards are smooth, so a larger step has less rounding.
+        let (Stencil { at, weights }, step) = self.stencil(parameter, WIDE / own.amax().max(1.0))?;
         for (k, (times, weight)) in at.iter().zip(weights).enumerate() {
-            let (run, beside, step) = match parameter {
-                Some(p) => {
-                    let by = self.changed[p].by;
-                    (&mut self.changed[p].runs()?[k], &before.x + own * (times * by), by)
-                }
-                None => (&mut self.probe, &before.x + own * (times * wide), wide),
-            };
+            let beside = &before.x + own * (times * step);
+            let run = self.beside(parameter, k)?;
             run.motion.active.clone_from(&before.active);
             slope += weight / step * value(run, guard, before.time, beside.as_slice())?.value;
         }
         Ok(-slope / before.rate)
     }
 
-    /// Where the neighbouring motions are, of a change of x, or of a parameter.
-    fn stencil(&mut self, parameter: Option<usize>) -> Result<Stencil, Stop> {
-        let Some(p) = parameter else { return Ok(CENTRAL) };
-        self.changed[p].runs()?;
-        Ok(self.changed[p].stencil())
+    /// Where the neighbouring motions are and their step, of a change of x by this step, or of a parameter.
+    fn stencil(&mut self, parameter: Option<By>, step: f64) -> Result<(Stencil, f64), Stop> {
+        let Some((p, shorter)) = parameter else { return Ok((CENTRAL, step)) };
+        let (stencil, by, _) = self.changed[p].runs_at(shorter)?;
+        Ok((stencil, by))
+    }
+
+    /// The run of one of these motions.
+    fn beside(&mut self, parameter: Option<By>, k: usize) -> Result<&mut Run<'a, 'w, A>, Stop> {
+        let Some((p, shorter)) = parameter else { return Ok(&mut self.probe) };
+        let (.., runs) = self.changed[p].runs_at(shorter)?;
+        Ok(&mut runs[k])
     }
 
     /// What a change of x, and of a parameter with it, becomes by the event. `middle`: the outcome without a change.
     fn column_after(
         &mut self,
         (own, time_by): (DVector<f64>, f64),
-        parameter: Option<usize>,
+        parameter: Option<By>,
         before: &Before,
         (after, middle): (&After, &DVector<f64>),
     ) -> Result<DVector<f64>, Stop> {
-        let mut h = parameter.map_or_else(|| DIFFERENCE / own.amax().max(1.0), |p| self.changed[p].by);
+        let (stencil, mut h) = self.stencil(parameter, DIFFERENCE / own.amax().max(1.0))?;
         let along = own + &before.f * time_by;
         if parameter.is_none() {
             h *= self.share(before, (&along, time_by), None, h)?;
         }
         let end = self.run.end;
-        let stencil = self.stencil(parameter)?;
         let mut found = Vec::with_capacity(stencil.at.len());
         for (k, times) in stencil.at.iter().enumerate() {
-            let run = match parameter {
-                Some(p) => &mut self.changed[p].runs()?[k],
-                None => &mut self.probe,
-            };
+            let run = self.beside(parameter, k)?;
             let beside = &before.x + &along * (times * h);
             let at = (before.time + times * h * time_by, beside.as_slice());
             match outcome(run, before, &after.active, at, end) {
@@ -309,16 +315,13 @@ impl<A: Space> Follow<'_, '_, A> {
         &mut self,
         before: &Before,
         (along, time_by): (&DVector<f64>, f64),
-        parameter: Option<usize>,
+        parameter: Option<By>,
         h: f64,
     ) -> Result<f64, Stop> {
         let Before { guard: Some(guard), normal: Some(_), time, .. } = *before else { return Ok(1.0) };
-        let stencil = self.stencil(parameter)?;
+        let (stencil, h) = self.stencil(parameter, h)?;
         let k = stencil.beside();
-        let run = match parameter {
-            Some(p) => &mut self.changed[p].runs()?[k],
-            None => &mut self.probe,
-        };
+        let run = self.beside(parameter, k)?;
         let step = stencil.at[k] * h;
         run.motion.active.clone_from(&before.active);
         let beside = &before.x + along * step;
@@ -326,10 +329,10 @@ impl<A: Space> Follow<'_, '_, A> {
         Ok((SLOWER * before.rate.abs() / (there - before.rate).abs()).min(1.0))
     }
 
-    /// Whether the step of a parameter, and of the motion by `own` with it, changes the approach speed of an impact too much.
-    fn is_too_long(&mut self, (own, time_by): (&DVector<f64>, f64), p: usize, before: &Before) -> Result<bool, Stop> {
+    /// The same of the step of a parameter, and of the motion by `own` with it.
+    fn share_by(&mut self, (own, time_by): (&DVector<f64>, f64), p: usize, before: &Before) -> Result<f64, Stop> {
         let along = own + &before.f * time_by;
-        Ok(self.share(before, (&along, time_by), Some(p), self.changed[p].by)? < 1.0)
+        self.share(before, (&along, time_by), Some((p, 0)), 0.0)
     }
 
     /// The largest velocity, 1/s: the reciprocal of the time in which the state changes by its own size.

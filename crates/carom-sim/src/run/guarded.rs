@@ -82,6 +82,11 @@ impl<'m, 'a, A: Space> Guarded<'m, 'a, A> {
     }
 
     /// Into how many equal pieces a step of this length is divided.
+    ///
+    /// The motion beside a motion at rest is as fast as its controllers and springs make it, which the steps of the run do not show. Of each
+    /// joint alone: an oscillation of √(k/m − (d/2m)²), of which Gauss's method of order 8 has an error of [`GAUSS`] x⁹ in a step of x times
+    /// the time of this rate, which becomes the tolerance; and a decay of d/m, in a step of which by [`DECAY`] that method has an error of
+    /// 3e-3, which decays itself.
     fn equal_pieces(&mut self, y: &[f64], span: f64) -> Result<usize, SimError> {
         let (stiffness, damping) = self.motion.regulation(&[]);
         if stiffness.iter().chain(&damping).all(|gain| *gain == 0.0) {
@@ -193,11 +198,6 @@ impl<A: Space> Flow for Guarded<'_, '_, A> {
         Ok(())
     }
 
-    /// The motion beside a motion at rest is as fast as its controllers and springs make it, which the steps of the run do not show. Of each
-    /// joint alone: an oscillation of √(k/m − (d/2m)²), of which Gauss's method of order 8 has an error of [`GAUSS`] x⁹ in a step of x times
-    /// the time of this rate, which becomes the tolerance; and a decay of d/m, in a step of which by [`DECAY`] that method has an error of
-    /// 3e-3, which decays itself.
-    ///
     /// At a force with the slope of a root of the depth, k d^1.5, the method has an error of 1e-3 of its change in a step from d = 0;
     /// in [`GRADED`] pieces that end at (k/8)⁴ of the step 6e-8.
     fn pieces(&mut self, [(start, from), (until, to)]: [(f64, &[f64]); 2]) -> Result<Vec<f64>, SimError> {

@@ -100,8 +100,9 @@ const CORRECTIONS: usize = 8;
 const LOCATED: f64 = 1e-10;
 /// By what −1 is shifted to find its eigenvector: more than the error of the multiplier at a located flip, so that the matrix is regular.
 const EIGENVALUE: f64 = 1e-6;
-/// An event this near to the time of a section by a period, as a share of it, moves the section.
-const AT_SECTION: f64 = 1e-3;
+/// An event this near to the time of a section by a period, as a share of it, moves the section where the branch ends: slow impacts soon after
+/// it, too, have no derivative by a parameter while the motion has hardly changed with it.
+const AT_SECTION: f64 = 0.02;
 /// A function that changes by more within the located interval jumps.
 const JUMP: f64 = 1e-3;
 
@@ -284,7 +285,7 @@ impl Problem {
         let mut free: Vec<[f64; 2]> = times.iter().zip(next).map(|(from, to)| [*from, to]).collect();
         free.sort_by(|[from, to], [a, b]| (b - a).total_cmp(&(to - from)));
         let mut long =
-            free.iter().filter(|[from, to]| to - from > 4.0 * AT_SECTION * one).map(|[from, to]| 0.5 * (from + to));
+            free.iter().filter(|[from, to]| to - from > 3.0 * AT_SECTION * one).map(|[from, to]| 0.5 * (from + to));
         let (later, Moment { q, qd, .. }) = long.find_map(|later| {
             let mut session = self.session(&here.plan, &here.look.x).ok()?;
             session.advance(later).ok()?;
