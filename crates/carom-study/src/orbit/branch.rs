@@ -248,7 +248,7 @@ impl Problem {
                     }
                     let (ended, why) = match at_section {
                         Some(what) => {
-                            let rule = "no time without event and contact is long enough for it";
+                            let rule = "it has no place elsewhere, without contact";
                             ("section", format!("an event ({what}) comes to the time of the section, and {rule}"))
                         }
                         None => (problem.ended(vary, &here, &error), error.to_string()),
@@ -275,7 +275,7 @@ impl Problem {
         Some(&period.events.iter().find(near)?.what)
     }
 
-    /// The same place with its section in the middle of the longest time without events and contacts, if it is long enough.
+    /// The same place with its section in the middle of the longest time without events and contacts.
     fn elsewhere(&self, vary: &Vary, here: &Place) -> Option<(Self, Place)> {
         let period = &here.look.found.period;
         let one = period.time / self.passages as f64;
@@ -284,9 +284,8 @@ impl Problem {
         let next = times.iter().skip(1).copied().chain([times.first()? + one]);
         let mut free: Vec<[f64; 2]> = times.iter().zip(next).map(|(from, to)| [*from, to]).collect();
         free.sort_by(|[from, to], [a, b]| (b - a).total_cmp(&(to - from)));
-        let mut long =
-            free.iter().filter(|[from, to]| to - from > 3.0 * AT_SECTION * one).map(|[from, to]| 0.5 * (from + to));
-        let (later, Moment { q, qd, .. }) = long.find_map(|later| {
+        let mut middles = free.iter().map(|[from, to]| 0.5 * (from + to));
+        let (later, Moment { q, qd, .. }) = middles.find_map(|later| {
             let mut session = self.session(&here.plan, &here.look.x).ok()?;
             session.advance(later).ok()?;
             session.contacts().is_ok_and(|contacts| contacts.is_empty()).then(|| (later, session.moment()))
