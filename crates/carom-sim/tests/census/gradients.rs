@@ -22,8 +22,6 @@ const ALLOWED: f64 = 10.0;
 const SHARE: f64 = 1e-5;
 /// This share after an accumulation of impacts, whose last ones are summed as if nothing else changed.
 const SHARE_SUMMED: f64 = 1e-4;
-/// And through compliant contacts: while they last, derivatives are up to some hundred times those after them, and right to 1e-5.
-const SHARE_COMPLIANT: f64 = 5e-3;
 
 pub fn case(seed: u64) -> (String, Case) {
     let mut scene = random::scene(seed);
@@ -179,11 +177,7 @@ pub fn judge(seed: u64) -> Verdict {
     let off = (&found.forward - best).amax() / size(best);
     let kinds: Vec<&str> = found.by.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
     let note = format!("apart by {off:.1e}, differences by {apart:.1e}, after {kinds:?}");
-    let share = match () {
-        () if kinds.contains(&"pressing") => SHARE_COMPLIANT,
-        () if kinds.contains(&"zeno") => SHARE_SUMMED,
-        () => SHARE,
-    };
+    let share = if kinds.contains(&"zeno") { SHARE_SUMMED } else { SHARE };
     if off.is_nan() || off > ALLOWED * apart.max(0.1 * share) {
         return Verdict::bad(group, "differences contradict", note);
     }

@@ -101,8 +101,10 @@ const LOCATED: f64 = 1e-10;
 /// By what −1 is shifted to find its eigenvector: more than the error of the multiplier at a located flip, so that the matrix is regular.
 const EIGENVALUE: f64 = 1e-6;
 /// An event this near to the time of a section by a period, as a share of it, moves the section where the branch ends: slow impacts soon after
-/// it, too, have no derivative by a parameter while the motion has hardly changed with it.
-const AT_SECTION: f64 = 0.02;
+/// it, too, have no derivative by a parameter while the motion has hardly changed with it. One as near as the second share ends the branch
+/// by that, where the section has no other place.
+const NEAR_SECTION: f64 = 0.02;
+const AT_SECTION: f64 = 1e-3;
 /// A function that changes by more within the located interval jumps.
 const JUMP: f64 = 1e-3;
 
@@ -233,7 +235,8 @@ impl Problem {
                     }
                 }
                 Err(error) if step <= SHORTEST => {
-                    let at_section = problem.at_section(&here.look.found.period);
+                    let period = &here.look.found.period;
+                    let at_section = problem.at_section(period, NEAR_SECTION);
                     let after = branch.points.len();
                     let has_moved = branch.special.last().is_some_and(|it| it.kind == "section" && it.after == after);
                     let moved = at_section.filter(|_| !has_moved).and_then(|_| problem.elsewhere(vary, &here));
@@ -246,7 +249,7 @@ impl Problem {
                         (problem, here, step) = (moved, there, FIRST);
                         continue;
                     }
-                    let (ended, why) = match at_section {
+                    let (ended, why) = match problem.at_section(period, AT_SECTION) {
                         Some(what) => {
                             let rule = "it has no place elsewhere, without contact";
                             ("section", format!("an event ({what}) comes to the time of the section, and {rule}"))
@@ -264,13 +267,13 @@ impl Problem {
         Ok(branch)
     }
 
-    /// The event that comes to the time of a section by a period.
-    fn at_section<'p>(&self, period: &'p Period) -> Option<&'p str> {
+    /// The event that comes to the time of a section by a period, as near as this share of it.
+    fn at_section<'p>(&self, period: &'p Period, share: f64) -> Option<&'p str> {
         matches!(self.section, Section::After(_)).then_some(())?;
         let one = period.time / self.passages as f64;
         let near = |event: &&Happened| {
             let since = event.time.rem_euclid(one);
-            since.min(one - since) <= AT_SECTION * one
+            since.min(one - since) <= share * one
         };
         Some(&period.events.iter().find(near)?.what)
     }
