@@ -1899,9 +1899,9 @@ def orbit(
         folder: to which the file names in a dict are relative.
 
     Returns:
-        A dict with the JSON keys of ``carom orbit --help``: start (q and qd, on the section), period (s), events, multipliers (complex
+        A dict with the JSON keys of ``carom orbit --help``: start (q and qd, on the section), start_time and period (s), events, multipliers (complex
         numbers as pairs), stability, residual, iterations. With ``branch`` of parameter, points (a list of such dicts, each with its
-        parameter), passages (of the section in one period), special (folds, flips, Neimark-Sacker points, changes of the events), ended and
+        parameter), passages (of the section in one period), special (folds, flips, Neimark-Sacker points, changes of the events, moves of the section), ended and
         end (why the branch ends, in a word and in a sentence), and with ``doubled`` doubled (a list of such dicts).
 
     Raises:
@@ -1925,7 +1925,7 @@ def cycles(
         cycles: number of states.
         skip: number of cycles before the first of them.
         value: of the parameter of ``vary``; by default its first value.
-        start: (q, qd); by default that of the scene.
+        start: (q, qd), at the time at which the scene starts; by default that of the scene.
         folder: to which the file names in a dict are relative.
 
     Returns:
