@@ -10,4 +10,5 @@ mod orbit_tables;
 mod orbits;
 mod part;
 mod reference;
+mod shaken_table;
 mod table;

@@ -1,6 +1,7 @@
 //! Tables of orbits whose rows are functions of their number: cycles and basins.
 
-use crate::orbits::{STEP, biped, close, problem, shaken, walk, wheel};
+use crate::orbits::{STEP, biped, close, problem, walk, wheel};
+use crate::shaken_table::shaken;
 use carom_study::orbit::{FAILURES, Problem};
 use carom_study::{RowFile, Written};
 use std::f64::consts::PI;

@@ -81,8 +81,8 @@ impl Equations {
         }
         // Rows that nothing moves, as those across the plane of a planar robot, have no force: ∞ λ = b.
         let least = Basis::least(&k);
-        for i in (0..m).filter(|i| !constraints.skewed.contains(i)) {
-            if k[(i, i)] > EQUAL * least {
+        for i in 0..m {
+            if constraints.skewed.contains(&i) || k[(i, i)] > EQUAL * least {
                 continue;
             }
             k.row_mut(i).fill(0.0);

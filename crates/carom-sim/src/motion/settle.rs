@@ -201,8 +201,8 @@ impl<A: Space> Motion<'_, A> {
         Ok(found)
     }
 
-    /// Whether the depth of a compliant contact has its least part, less than one of [`GROWTH`], at the first or at the last of these states, and
-    /// its force the slope of a root there.
+    /// Whether a compliant contact whose force has the slope of a root at its closing is less deep at the first, or at the last, of these states
+    /// than at the other one, by more than [`GROWTH`].
     pub fn roots(&mut self, states: [(f64, &[f64]); 2]) -> Result<[bool; 2], SimError> {
         let mut found = [false; 2];
         for k in 0..self.active.lasting.len() {

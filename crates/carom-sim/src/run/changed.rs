@@ -94,7 +94,7 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
         };
         let mut changed = Self { parameter, by, span, base, model, others, runs: Default::default() };
         if matches!(parameter.place(), Place::Anywhere) {
-            changed.runs()?;
+            changed.runs_at(0)?;
         }
         Ok(changed)
     }
@@ -104,18 +104,10 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
         self.span[0] < to && from < self.span[1]
     }
 
-    /// The runs, in any mode.
+    /// The runs, in any mode, with a step that is shortened so many times; their stencil, and the step.
     ///
     /// # Errors
     /// Those of the change and of the start of a run.
-    pub fn runs(&mut self) -> Result<&mut [Run<'a, 'w, A>; 4], SimError> {
-        self.runs_at(0).map(|(_, _, runs)| runs)
-    }
-
-    /// Stencil, step and runs where the step is shortened so many times.
-    ///
-    /// # Errors
-    /// As [`Changed::runs`].
     pub fn runs_at(&mut self, shorter: usize) -> Result<(Stencil, f64, &mut [Run<'a, 'w, A>; 4]), SimError> {
         let (_, model, start) = self.base;
         let by = self.by * 0.1f64.powi(shorter as i32);
@@ -180,7 +172,7 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
     /// here. The step is at most `SHORT` of what leads to the nearest.
     ///
     /// # Errors
-    /// Those of [`Changed::runs`], and of `kinks`.
+    /// Those of [`Changed::runs_at`], and of `kinks`.
     pub fn runs_in(
         &mut self,
         active: &ActiveSet,
