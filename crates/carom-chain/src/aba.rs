@@ -14,7 +14,7 @@
 //! | H | 3×3, 2×2 | Delassus matrix of a point, world axes, 1/kg | `delassus` |
 //!
 //! The recursion requires independent joints, so a chain with mimic joints has no [`Articulation`]: use the dense methods
-//! ([`Kinematics::contact_inertia`], [`Kinematics::solve`] and [`Kinematics::forward_dynamics`] choose the method).
+//! ([`Kinematics::contact_inertia`], [`Kinematics::respond`] and [`Kinematics::forward_dynamics`] choose the method).
 //! Source: Featherstone (2008), table 7.1 (ABA).
 
 use crate::algebra::{Algebra, Articulated, Axis, Force, Inertia, Motion};

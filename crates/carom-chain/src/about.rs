@@ -60,6 +60,16 @@ pub struct JointInfo {
     pub coordinates: Coordinates,
 }
 
+impl JointInfo {
+    /// The index into qd of a joint with one coordinate of its own, which a motor can drive.
+    pub(crate) fn driven_coordinate(&self) -> Option<usize> {
+        match &self.coordinates {
+            Coordinates::Own { v, .. } if v.len() == 1 => Some(v.start),
+            _ => None,
+        }
+    }
+}
+
 /// The part of the model that does not depend on the algebra.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct About {

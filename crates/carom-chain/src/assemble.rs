@@ -9,29 +9,18 @@ use crate::body::{Body, Frame};
 use crate::chain::Chain;
 use crate::error::ChainError;
 use crate::urdf::{self, Inertial, Joint, JointType, LoadOptions, Robot};
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use std::path::Path;
 use std::sync::Arc;
 
 type Space = Spatial<f64>;
 
 /// A link or an axis of a joint, before merging.
-pub(crate) struct Node<A: Algebra> {
-    pub parent: Option<usize>,
-    pub placement: Pose<A>,
-    pub inertia: Inertia<A>,
-    pub joint: Option<MovingJoint<A>>,
-}
-
-/// How a node moves relative to its parent.
-pub(crate) struct MovingJoint<A: Algebra> {
-    pub joint_index: usize,
-    pub joint: A::Joint,
-    pub q_index: usize,
-    pub v_index: usize,
-    pub ratio: A::Scalar,
-    pub shift: A::Scalar,
-    pub rotor: A::Scalar,
+pub(crate) enum Node<A: Algebra> {
+    /// It does not move relative to its parent.
+    Fixed { parent: Option<usize>, placement: Pose<A>, inertia: Inertia<A> },
+    /// It becomes this body; the parent is still an index of a node.
+    Moving(Body<A>),
 }
 
 /// Merges every node that does not move relative to its parent into the parent. Also returns, for each node, its body
@@ -41,30 +30,22 @@ pub(crate) fn weld<A: Algebra>(nodes: Vec<Node<A>>) -> (Vec<Body<A>>, Vec<(Optio
     let mut bodies: Vec<Body<A>> = Vec::new();
     let mut places: Vec<(Option<usize>, Pose<A>)> = Vec::with_capacity(nodes.len());
     for node in nodes {
-        let (parent, pose) = node.parent.map_or((None, Pose::identity()), |p| places[p]);
-        let placement = pose.then(&node.placement);
-        match node.joint {
-            None => {
+        let place = |parent: Option<usize>, placement: &Pose<A>| {
+            let (body, pose) = parent.map_or((None, Pose::identity()), |p| places[p]);
+            (body, pose.then(placement))
+        };
+        match node {
+            Node::Fixed { parent, placement, inertia } => {
+                let (parent, placement) = place(parent, &placement);
                 if let Some(body) = parent {
-                    bodies[body].inertia += node.inertia.placed(&placement);
+                    bodies[body].inertia += inertia.placed(&placement);
                 }
                 places.push((parent, placement));
             }
-            Some(MovingJoint { joint_index, joint, q_index, v_index, ratio, shift, rotor }) => {
+            Node::Moving(body) => {
+                let (parent, placement) = place(body.parent, &body.placement);
                 places.push((Some(bodies.len()), Pose::identity()));
-                let inertia = node.inertia;
-                bodies.push(Body {
-                    parent,
-                    joint_index,
-                    joint,
-                    placement,
-                    inertia,
-                    q_index,
-                    v_index,
-                    ratio,
-                    shift,
-                    rotor,
-                });
+                bodies.push(Body { parent, placement, ..body });
             }
         }
     }
@@ -122,17 +103,15 @@ impl Chain {
         let mut node_of_link = vec![None; robot.links.len()];
         for (link, joint) in parents_first(&robot) {
             let inertia = robot.links[link].inertial.map_or(Inertia::zero(), inertia_of);
-            let link_node = match joint {
-                None => Node { parent: None, placement: Pose::identity(), inertia, joint: None },
+            let (parent, placement) = match joint {
+                None => (None, Pose::identity()),
                 Some(j) => {
                     let joint = &robot.joints[j];
-                    let hung_on = node_of_link[joint.parent];
-                    let (parent, placement) = push_axes(&mut nodes, joint, j, &coordinates, hung_on);
-                    Node { parent, placement, inertia, joint: None }
+                    push_axes(&mut nodes, joint, j, &coordinates, node_of_link[joint.parent])
                 }
             };
             node_of_link[link] = Some(nodes.len());
-            nodes.push(link_node);
+            nodes.push(Node::Fixed { parent, placement, inertia });
         }
 
         let (bodies, places) = weld(nodes);
@@ -147,23 +126,8 @@ impl Chain {
 
 fn add_floating_base(robot: &mut Robot) {
     let world = robot.links.len();
-    robot.links.push(urdf::Link { name: "world".into(), inertial: None, collisions: Vec::new(), visuals: Vec::new() });
-    robot.joints.insert(
-        0,
-        Joint {
-            name: "root_joint".into(),
-            kind: JointType::Floating,
-            parent: world,
-            child: robot.root,
-            origin: Isometry3::identity(),
-            axis: Vector3::z_axis(),
-            limits: Default::default(),
-            damping: 0.0,
-            friction: 0.0,
-            rotor_inertia: 0.0,
-            mimic: None,
-        },
-    );
+    robot.links.push(urdf::Link::new("world"));
+    robot.joints.insert(0, Joint::new("root_joint", JointType::Floating, world, robot.root));
     for mimic in robot.joints.iter_mut().filter_map(|j| j.mimic.as_mut()) {
         mimic.joint += 1; // one joint was inserted before all others
     }
@@ -234,7 +198,7 @@ fn push_axes(
             };
             (q.start, v.start, *multiplier, *offset)
         }
-        Coordinates::None => return (parent, pose_of(&joint.origin)),
+        Coordinates::None => return (parent, joint.origin.into()),
     };
     let (axis, rotor) = (joint.axis.into_inner(), joint.rotor_inertia);
     let axes: Vec<(SpatialJoint, Matrix3<f64>)> = match joint.kind {
@@ -250,19 +214,25 @@ fn push_axes(
         JointType::Floating => (0..6).map(|k| (SpatialJoint::Floating(k), Matrix3::identity())).collect(),
     };
     // Each node's frame has the axis along z; its children are placed by the inverse rotation.
-    let (mut parent, mut hang) = (parent, pose_of(&joint.origin));
+    let (mut parent, mut hang) = (parent, Pose::from(joint.origin));
     for (k, (joint, onto)) in axes.into_iter().enumerate() {
         let turned = Pose { rotation: onto, translation: Vector3::zeros() };
         let q_index = if matches!(joint, SpatialJoint::Floating(_)) { q } else { q + k };
-        let joint = Some(MovingJoint { joint_index, joint, q_index, v_index: v + k, ratio, shift, rotor });
-        nodes.push(Node { parent, placement: hang.then(&turned), inertia: Inertia::zero(), joint });
+        nodes.push(Node::Moving(Body {
+            parent,
+            joint_index,
+            joint,
+            placement: hang.then(&turned),
+            inertia: Inertia::zero(),
+            q_index,
+            v_index: v + k,
+            ratio,
+            shift,
+            rotor,
+        }));
         (parent, hang) = (Some(nodes.len() - 1), turned.inverse());
     }
     (parent, hang)
-}
-
-pub(crate) fn pose_of(isometry: &Isometry3<f64>) -> Pose<Space> {
-    Pose { rotation: isometry.rotation.to_rotation_matrix().into_inner(), translation: isometry.translation.vector }
 }
 
 fn about(robot: &Robot, links: usize, coordinates: Vec<Coordinates>) -> About {

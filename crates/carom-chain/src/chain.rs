@@ -105,9 +105,15 @@ impl<A: Algebra> Chain<A> {
     /// The links that move without mass: those of bodies whose coordinate moves neither mass nor inertia at any configuration.
     /// The mass matrix is then singular everywhere. Kinematics and Jacobians do not depend on it.
     pub fn massless_links(&self) -> Vec<&str> {
+        self.massless_links_with(&[])
+    }
+
+    /// The same with the diagonal of an inertia added to M, which holds joints; empty without one.
+    fn massless_links_with(&self, added: &[A::Scalar]) -> Vec<&str> {
         let own = |body: &Body<A>| body.inertia != Inertia::zero();
         let mut carries: Vec<bool> = self.bodies.iter().map(own).collect();
-        let mut moved = vec![false; self.nv];
+        let holds = |v: usize| added.get(v).is_some_and(|inertia| *inertia != A::Scalar::zero());
+        let mut moved: Vec<bool> = (0..self.nv).map(holds).collect();
         for (i, body) in self.bodies.iter().enumerate().rev() {
             moved[body.v_index] |= carries[i] || body.rotor != A::Scalar::zero();
             if let Some(parent) = body.parent {
@@ -124,7 +130,17 @@ impl<A: Algebra> Chain<A> {
     /// [`ChainError::Massless`] with [`Chain::massless_links`].
     #[doc(hidden)]
     pub fn check_dynamics(&self) -> Result<(), ChainError> {
-        let links: Vec<String> = self.massless_links().into_iter().map(|link| format!("'{link}'")).collect();
+        self.check_dynamics_with(&[])
+    }
+
+    /// The same with the diagonal of an inertia added to M, infinite at locked joints: a joint that is held needs none behind it.
+    ///
+    /// # Errors
+    /// As [`Chain::check_dynamics`].
+    #[doc(hidden)]
+    pub fn check_dynamics_with(&self, added: &[A::Scalar]) -> Result<(), ChainError> {
+        let massless = self.massless_links_with(added);
+        let links: Vec<String> = massless.into_iter().map(|link| format!("'{link}'")).collect();
         if links.is_empty() { Ok(()) } else { Err(ChainError::Massless { chain: self.name().into(), links }) }
     }
     /// Whether the chain has mimic joints, so that several bodies share one coordinate.
@@ -291,17 +307,12 @@ impl<A: Algebra> Chain<A> {
     where
         A: Algebra<Scalar = f64>,
     {
+        let refuse = |rule| ChainError::OutOfRange { what: format!("rotor inertia of {joint}"), value: inertia, rule };
         if !(inertia >= 0.0 && inertia.is_finite()) {
-            let rule = "the reflected inertia of a rotor must be finite and not negative";
-            return Err(ChainError::OutOfRange { what: format!("rotor inertia of {joint}"), value: inertia, rule });
+            return Err(refuse("the reflected inertia of a rotor must be finite and not negative"));
         }
-        let coordinate = match &self.joint(joint)?.coordinates {
-            Coordinates::Own { v, .. } if v.len() == 1 => v.start,
-            _ => {
-                let rule = "a rotor belongs to a joint with one coordinate of its own, not to a fixed, floating, planar or mimic joint";
-                return Err(ChainError::OutOfRange { what: format!("rotor inertia of {joint}"), value: inertia, rule });
-            }
-        };
+        let rule = "a rotor belongs to a joint with one coordinate of its own, not to a fixed, floating, planar or mimic joint";
+        let coordinate = self.joint(joint)?.driven_coordinate().ok_or_else(|| refuse(rule))?;
         let mut geared = self.clone();
         if let Some(body) = geared.bodies.iter_mut().find(|body| body.v_index == coordinate) {
             body.rotor = inertia;
@@ -314,17 +325,12 @@ impl<A: Algebra> Chain<A> {
     /// # Errors
     /// [`ChainError::UnknownJoint`]; [`ChainError::OutOfRange`] for a number that is negative or NaN, and a joint that no motor drives.
     pub fn with_effort_limit(&self, joint: &str, effort: f64) -> Result<Self, ChainError> {
+        let refuse = |rule| ChainError::OutOfRange { what: format!("effort limit of {joint}"), value: effort, rule };
         if effort.is_nan() || effort < 0.0 {
-            return Err(ChainError::OutOfRange {
-                what: format!("effort limit of {joint}"),
-                value: effort,
-                rule: "it must not be negative",
-            });
+            return Err(refuse("it must not be negative"));
         }
-        if !matches!(&self.joint(joint)?.coordinates, Coordinates::Own { v, .. } if v.len() == 1) {
-            let rule = "an effort limit belongs to a joint with one coordinate of its own, not to a fixed, floating, planar or mimic joint";
-            return Err(ChainError::OutOfRange { what: format!("effort limit of {joint}"), value: effort, rule });
-        }
+        let rule = "an effort limit belongs to a joint with one coordinate of its own, not to a fixed, floating, planar or mimic joint";
+        self.joint(joint)?.driven_coordinate().ok_or_else(|| refuse(rule))?;
         let mut limited = self.clone();
         let own = Arc::make_mut(&mut limited.about).joints.iter_mut().filter(|own| own.name == joint);
         own.for_each(|own| own.limits.effort = Some(effort));

@@ -27,7 +27,8 @@ pub struct ContactInertia {
     /// first. A unit impulse along one gives the point the speed σ²; one joule of kinetic energy the speed √2 σ. Empty if
     /// a number of E is not finite.
     pub principal: Vec<(DVector<f64>, f64)>,
-    /// Number of principal directions in which the point can move; the remaining ones are singular.
+    /// Number of principal directions in which the point can move; the remaining ones are singular: no joint motion moves the point
+    /// along them.
     pub rank: usize,
     /// M⁻¹Jᵀ, nv×3 (nv×2 in the plane): the joint velocities that unit impulses along the axes give.
     pub response: DMatrix<f64>,
@@ -65,11 +66,6 @@ impl ContactInertia {
         let rank = principal.iter().filter(|p| p.1 > tolerance).count();
         let response = DMatrix::from_fn(nv, rows, |k, i| part(contact.response[k], i));
         Self { delassus: &factor * factor.transpose(), principal, rank, response, tolerance }
-    }
-
-    /// The singular directions, in which no joint motion moves the point (world axes, orthonormal).
-    pub fn singular_directions(&self) -> impl Iterator<Item = &DVector<f64>> {
-        self.principal[self.rank..].iter().map(|p| &p.0)
     }
 
     /// Effective mass in the direction `n` (world axes, any length): 1/(nᵀHn) for unit n, kg. `None` if n is singular

@@ -9,12 +9,14 @@
 //! Source: Featherstone (2008), table 6.2, in world axes (see [`crate::algebra`]).
 
 use crate::algebra::{Algebra, Axis, Force};
+use crate::chain::Chain;
 use crate::kinematics::Kinematics;
 use crate::prepare::{Hinge, PreparedBody, Subspace};
 use crate::scratch::Link;
 use nalgebra::{DMatrix, Dim, Dyn, Matrix, RawStorageMut};
 use num_traits::Zero;
 use std::marker::PhantomData;
+use std::ops::AddAssign;
 
 impl<A: Algebra> Kinematics<'_, A> {
     /// The mass matrix M (nv×nv; kg m², kg m, kg) by the composite-rigid-body algorithm. Writes both triangles into the
@@ -89,16 +91,11 @@ impl<A: Algebra> Kinematics<'_, A> {
 
     /// Inward pass of the composite inertias: Iᶜᵢ = Iᵢ + Σ Iᶜ of the children.
     pub(crate) fn composites(&mut self) {
-        let (bodies, ws) = (&self.chain.bodies, &mut *self.ws);
-        for (i, body) in bodies.iter().enumerate() {
+        let ws = &mut *self.ws;
+        for (i, body) in self.chain.bodies.iter().enumerate() {
             ws.inertia[i] = body.inertia.rotated(ws.links[i].rotation);
         }
-        for (i, body) in bodies.iter().enumerate().rev() {
-            if let Some(p) = body.parent {
-                let carried = ws.inertia[i].shifted(ws.links[i].offset);
-                ws.inertia[p] += carried;
-            }
-        }
+        self.chain.sum_subtrees(&ws.links, &mut ws.inertia, |inertia, r| inertia.shifted(r));
     }
 
     /// As [`Self::mass_matrix_into`]; returns a new matrix.
@@ -106,6 +103,23 @@ impl<A: Algebra> Kinematics<'_, A> {
         let mut m = DMatrix::zeros(self.chain.nv, self.chain.nv);
         self.mass_matrix_into(&mut m);
         m
+    }
+}
+
+impl<A: Algebra> Chain<A> {
+    /// Adds to the entry of each body those of the bodies that it carries. `shifted` is an entry about the point at −r.
+    pub(crate) fn sum_subtrees<X: Copy + AddAssign>(
+        &self,
+        links: &[Link<A>],
+        entries: &mut [X],
+        shifted: impl Fn(X, A::Vector) -> X,
+    ) {
+        for (i, body) in self.bodies.iter().enumerate().rev() {
+            if let Some(parent) = body.parent {
+                let carried = shifted(entries[i], links[i].offset);
+                entries[parent] += carried;
+            }
+        }
     }
 }
 

@@ -71,43 +71,40 @@ fn turning<A: Algebra>(axis: Axis<A>) -> A::Angular {
 }
 
 impl<A: Algebra> Kinematics<'_, A> {
-    /// ∂(M x)/∂q, nv×nv, for each of the vectors x (length nv each), in the tangent space of q.
+    /// ∂(M x)/∂q, nv×nv, for a vector x (length nv), in the tangent space of q.
     ///
     /// # Panics
-    /// If an x is shorter than nv.
-    pub fn mass_matrix_derivatives<const K: usize>(&mut self, x: [&[A::Scalar]; K]) -> [DMatrix<A::Scalar>; K] {
+    /// If x is shorter than nv.
+    pub fn mass_matrix_derivatives(&mut self, x: &[A::Scalar]) -> DMatrix<A::Scalar> {
         let (chain, n) = (self.chain, self.chain.bodies.len());
         let prepared = &chain.prepared;
         self.composites();
         let links = &self.ws.links;
         let momentum: Vec<Force<A>> = (0..n).map(|j| self.ws.inertia[j].along(links[j].axis)).collect();
-        let (own, composite) = (self.own_inertia(), self.ws.inertia.clone());
-        x.map(|x| {
-            let mut out = DMatrix::zeros(chain.nv, chain.nv);
-            self.spread(x, &own);
-            let ws = &*self.ws;
-            for k in 0..n {
-                let (first, v, link) = (first_axis(prepared, k), prepared[k].v_index, &ws.links[k]);
-                let unit = link.axis.at_rate(nalgebra::convert(1.0));
-                let below = prepared[first]
-                    .parent
-                    .map_or(Motion::zero(), |p| ws.velocity[p].shifted(link.position - ws.links[p].position));
-                let turned = unit.carry(below);
-                for j in first..prepared[k].end {
-                    let there = turned.shifted(ws.links[j].position - link.position);
-                    out[(prepared[j].v_index, v)] -= momentum[j].power(there);
-                }
-                let mut force = unit.carry_force(ws.force[k]) - composite[k].apply(turned);
-                let (mut at, mut next) = (link.position, prepared[first].parent);
-                while let Some(j) = next {
-                    force = force.shifted(at - ws.links[j].position);
-                    at = ws.links[j].position;
-                    out[(prepared[j].v_index, v)] += ws.links[j].axis.dot(force);
-                    next = prepared[j].parent;
-                }
+        self.spread(x, &self.own_inertia());
+        let ws = &*self.ws;
+        let mut out = DMatrix::zeros(chain.nv, chain.nv);
+        for k in 0..n {
+            let (first, v, link) = (first_axis(prepared, k), prepared[k].v_index, &ws.links[k]);
+            let unit = link.axis.at_rate(nalgebra::convert(1.0));
+            let below = prepared[first]
+                .parent
+                .map_or(Motion::zero(), |p| ws.velocity[p].shifted(link.position - ws.links[p].position));
+            let turned = unit.carry(below);
+            for j in first..prepared[k].end {
+                let there = turned.shifted(ws.links[j].position - link.position);
+                out[(prepared[j].v_index, v)] -= momentum[j].power(there);
             }
-            out
-        })
+            let mut force = unit.carry_force(ws.force[k]) - ws.inertia[k].apply(turned);
+            let (mut at, mut next) = (link.position, prepared[first].parent);
+            while let Some(j) = next {
+                force = force.shifted(at - ws.links[j].position);
+                at = ws.links[j].position;
+                out[(prepared[j].v_index, v)] += ws.links[j].axis.dot(force);
+                next = prepared[j].parent;
+            }
+        }
+        out
     }
 
     /// ∂(xₐᵀ M x_b)/∂q_k for each pair of the vectors x (length nv each): a K×K matrix for each k, in the tangent space of q.
@@ -179,16 +176,9 @@ impl<A: Algebra> Kinematics<'_, A> {
         for j in 0..n {
             ws.force[j] = own[j].apply(accelerations[j]) + ws.velocity[j].carry_force(momentum[j]);
         }
-        for j in (0..n).rev() {
-            if let Some(p) = prepared[j].parent {
-                let offset = links[j].offset;
-                let (carried, force, turned) =
-                    (momentum[j].shifted(offset), ws.force[j].shifted(offset), rate[j].shifted(offset));
-                momentum[p] += carried;
-                ws.force[p] += force;
-                rate[p] += turned;
-            }
-        }
+        chain.sum_subtrees(links, &mut momentum, |momentum, r| momentum.shifted(r));
+        chain.sum_subtrees(links, &mut ws.force, |force, r| force.shifted(r));
+        chain.sum_subtrees(links, &mut rate, |rate, r| rate.shifted(r));
         // sⱼᵀ Iᶜⱼ and sⱼᵀ Bᶜⱼ.
         let unit = |j: usize| links[j].axis.at_rate(nalgebra::convert(1.0));
         let rows: Vec<[Force<A>; 2]> = (0..n)
@@ -240,12 +230,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         for ((force, own), velocity) in ws.force.iter_mut().zip(own).zip(&ws.velocity) {
             *force = own.apply(*velocity);
         }
-        for (j, body) in self.chain.prepared.iter().enumerate().rev() {
-            if let Some(p) = body.parent {
-                let carried = ws.force[j].shifted(ws.links[j].offset);
-                ws.force[p] += carried;
-            }
-        }
+        self.chain.sum_subtrees(&ws.links, &mut ws.force, |force, r| force.shifted(r));
     }
 
     /// Visits the derivatives ∂Jᵢ/∂q_k that are not zero: i, k, and the derivative of column i of the Jacobian of a point at

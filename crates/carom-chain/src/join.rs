@@ -5,7 +5,6 @@
 
 use crate::about::{About, Coordinates, JointInfo, Member};
 use crate::algebra::{Pose, Spatial};
-use crate::assemble::pose_of;
 use crate::body::{Body, Frame};
 use crate::chain::Chain;
 use crate::error::ChainError;
@@ -58,7 +57,7 @@ impl Chain {
             if robots[..k].iter().any(|other| other.name == *name) {
                 return refuse("is used for two robots: rename one");
             }
-            let world = pose_of(pose);
+            let world = Pose::from(*pose);
             let (first_body, first_joint) = (bodies.len(), about.joints.len());
             let placed = |body: Option<usize>, own: &Pose<Spatial<f64>>| match body {
                 Some(_) => *own,

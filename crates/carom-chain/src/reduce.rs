@@ -6,7 +6,7 @@
 
 use crate::about::{About, Coordinates, JointInfo, Member};
 use crate::algebra::{Algebra, Pose};
-use crate::assemble::{MovingJoint, Node, weld};
+use crate::assemble::{Node, weld};
 use crate::body::{Body, Frame, Point};
 use crate::chain::Chain;
 use crate::error::ChainError;
@@ -49,17 +49,15 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
             locked[v.clone()].fill(true);
         }
         self.check_state(&q_locked, &vec![0.0; self.nv])?;
-        let held = |body: &Body<A>| locked[body.v_index];
         let numbering = self.renumber(|v| !locked[v]);
         let nodes = self.bodies.iter().map(|body| {
-            let mut placement = body.placement;
-            if held(body) {
-                let q = &q_locked[body.q_index..];
-                let (rotation, moved) = A::move_joint(body.joint, placement.rotation, body.ratio, body.shift, q);
-                placement = Pose { rotation, translation: placement.translation + moved };
+            if !locked[body.v_index] {
+                return Node::Moving(numbering.body(body));
             }
-            let joint = (!held(body)).then(|| numbering.moving_joint(body));
-            Node { parent: body.parent, placement, inertia: body.inertia, joint }
+            let (placement, q) = (body.placement, &q_locked[body.q_index..]);
+            let (rotation, moved) = A::move_joint(body.joint, placement.rotation, body.ratio, body.shift, q);
+            let placement = Pose { rotation, translation: placement.translation + moved };
+            Node::Fixed { parent: body.parent, placement, inertia: body.inertia }
         });
         let (bodies, places) = weld(nodes.collect());
         let frames = self.frames.iter().map(|frame| match frame.body {
@@ -101,8 +99,7 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
         let mut bodies: Vec<Body<A>> = Vec::new();
         for (i, body) in self.bodies.iter().enumerate().filter(|(i, _)| reached[root[*i]]) {
             moved_to[i] = Some(bodies.len());
-            let MovingJoint { q_index, v_index, .. } = numbering.moving_joint(body);
-            bodies.push(Body { parent: body.parent.and_then(|p| moved_to[p]), q_index, v_index, ..*body });
+            bodies.push(Body { parent: body.parent.and_then(|p| moved_to[p]), ..numbering.body(body) });
         }
         let frames = self.frames.iter().filter_map(|frame| {
             let body = match frame.body {
@@ -155,16 +152,9 @@ struct Numbering {
 }
 
 impl Numbering {
-    fn moving_joint<A: Algebra>(&self, body: &Body<A>) -> MovingJoint<A> {
-        MovingJoint {
-            joint_index: body.joint_index,
-            joint: body.joint,
-            q_index: self.new_q[body.q_index],
-            v_index: self.new_v[body.v_index],
-            ratio: body.ratio,
-            shift: body.shift,
-            rotor: body.rotor,
-        }
+    /// The body with its new indices.
+    fn body<A: Algebra>(&self, body: &Body<A>) -> Body<A> {
+        Body { q_index: self.new_q[body.q_index], v_index: self.new_v[body.v_index], ..*body }
     }
 
     /// The entries of a robot of a joined chain that are kept.

@@ -77,16 +77,8 @@ impl<A: Algebra> Chain<A> {
         let rounding = |limit: f64| 1e-12 * limit.abs().max(1.0);
         let mut outside = Vec::new();
         for joint in self.joints() {
-            let position = match &joint.coordinates {
-                Coordinates::Own { q: own, .. } if own.len() == 1 => q.get(own.start).copied(),
-                Coordinates::Follows { joint: leader, multiplier, offset } => {
-                    let leader = self.joint(leader).ok().map(|l| &l.coordinates);
-                    let at = leader.and_then(|c| if let Coordinates::Own { q, .. } = c { Some(q.start) } else { None });
-                    at.and_then(|at| q.get(at)).map(|x| multiplier * x + offset)
-                }
-                _ => None,
-            };
-            let Some(position) = position else { continue };
+            let Some(own) = self.coordinate_of(joint) else { continue };
+            let Some(position) = q.get(own.q).map(|x| own.multiplier * x + own.offset) else { continue };
             let limit = match (joint.limits.lower, joint.limits.upper) {
                 (Some(lower), _) if position < lower - rounding(lower) => lower,
                 (_, Some(upper)) if position > upper + rounding(upper) => upper,
@@ -99,6 +91,27 @@ impl<A: Algebra> Chain<A> {
                 .push((name, format!("joint '{name}' is at {position} {unit}, {side} its limit {limit} {unit}{hint}")));
         }
         outside
+    }
+
+    /// The limits (lower, upper; rad or m) of entry `index` of q, of a hinge or slider: those of its joint and of the joints that mimic
+    /// it; `None` without one. Where they leave no position the lower is above the upper.
+    #[doc(hidden)]
+    pub fn limits_of(&self, index: usize) -> [Option<f64>; 2] {
+        let mut ends: [Option<f64>; 2] = [None; 2];
+        for joint in self.joints() {
+            let Some(own) = self.coordinate_of(joint).filter(|own| own.q == index && own.multiplier != 0.0) else {
+                continue;
+            };
+            let mut limits =
+                [joint.limits.lower, joint.limits.upper].map(|end| end.map(|end| (end - own.offset) / own.multiplier));
+            if own.multiplier < 0.0 {
+                limits.reverse();
+            }
+            let [lower, upper] = limits;
+            ends[0] = [ends[0], lower].into_iter().flatten().reduce(f64::max);
+            ends[1] = [ends[1], upper].into_iter().flatten().reduce(f64::min);
+        }
+        ends
     }
 
     /// The configuration in which all coordinates are zero and the quaternions of floating joints are the identity.

@@ -80,13 +80,8 @@ impl Kinematics<'_, Spatial<f64>> {
                 self.ws.force[body] += Force { moment: force.cross(&arm), force: -force };
             }
         }
-        let bodies = &self.chain.bodies;
-        for (i, body) in bodies.iter().enumerate().rev() {
-            if let Some(parent) = body.parent {
-                let carried = self.ws.force[i].shifted(self.ws.links[i].offset);
-                self.ws.force[parent] += carried;
-            }
-        }
+        let (bodies, ws) = (&self.chain.bodies, &mut *self.ws);
+        self.chain.sum_subtrees(&ws.links, &mut ws.force, |force, r| force.shifted(r));
         let last = |i: &usize| bodies.get(i + 1).is_none_or(|next| next.joint_index != bodies[*i].joint_index);
         let wrench = |i: usize| {
             let joint = bodies[i].joint_index;

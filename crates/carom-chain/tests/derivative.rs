@@ -22,7 +22,7 @@ fn agrees(s: &mut Sample) {
     let mut ws = s.chain.workspace();
     let mut kin = ws.update(&s.chain, &q).unwrap();
     let scale = kin.mass_matrix().amax() * x.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs())) + 1e-300;
-    let found = kin.mass_matrix_derivatives([&x[0], &x[1]]);
+    let found = x.each_ref().map(|x| kin.mass_matrix_derivatives(x));
     let forms = kin.quadratic_derivatives([&x[0], &x[1]]);
     let mut rates = vec![DMatrix::<f64>::zeros(3, nv); nv];
     let point = s.chain.point(frame, offset);

@@ -39,23 +39,6 @@ fn accelerations_of_the_closed_form_equal_those_of_the_recursion() {
 }
 
 #[test]
-fn accelerations_of_a_double_pendulum_equal_the_textbooks() {
-    // Two uniform rods of 1 m and 1 kg: M = [[5/3 + cos q₂, 1/3 + cos q₂/2], [·, 1/3]], and M q̈ is minus the bias
-    // ½ sin q₂ (−2 q̇₁q̇₂ − q̇₂², q̇₁²) + g (3/2 cos q₁ + ½ cos(q₁+q₂), ½ cos(q₁+q₂)).
-    let flat = uniform_chain(2, 2.0, 2.0).unwrap().to_planar().unwrap();
-    let (q1, q2, w1, w2, g) = (0.3_f64, 0.8_f64, 1.2, -0.7, 9.81);
-    let mut qdd = [0.0; 2];
-    let gravity = flat.plane.project(Vector3::new(0.0, -g, 0.0));
-    assert!(PlanarRow::of(&flat.chain).unwrap().accelerate(&[q1, q2], &[w1, w2], &[0.0; 2], gravity, &mut qdd));
-    let (a, b, c) = (5.0 / 3.0 + q2.cos(), 1.0 / 3.0 + q2.cos() / 2.0, 1.0 / 3.0);
-    let bias = [
-        0.5 * q2.sin() * (-2.0 * w1 * w2 - w2 * w2) + g * (1.5 * q1.cos() + 0.5 * (q1 + q2).cos()),
-        0.5 * q2.sin() * w1 * w1 + 0.5 * g * (q1 + q2).cos(),
-    ];
-    assert!((a * qdd[0] + b * qdd[1] + bias[0]).abs() < 1e-13 && (b * qdd[0] + c * qdd[1] + bias[1]).abs() < 1e-13);
-}
-
-#[test]
 fn chains_that_are_not_rows_of_at_most_four_hinges_have_no_planar_row() {
     let of = |n: usize| PlanarRow::of(&uniform_chain(n, 1.0, 1.0).unwrap().to_planar().unwrap().chain);
     assert!(of(4).is_some() && of(5).is_none());

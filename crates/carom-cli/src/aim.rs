@@ -3,7 +3,7 @@
 use crate::error::CliError;
 use crate::files::{self, Kind, Outputs};
 use crate::motion::write_motion;
-use crate::output::{Printed, answer, brief, progress, say, write_whole};
+use crate::output::{Bar, Printed, answer_about, brief, warn, write_whole};
 use crate::record::Record;
 use carom_study::aim::{AimError, Found, Problem, Starts};
 use clap::Args;
@@ -66,9 +66,7 @@ impl AimCommand {
         let outputs = Outputs::of(&self.out, &[Kind::Scene, Kind::Table, Kind::Recording])?;
         self.record.check(outputs.recording.as_deref())?;
         let problem = Problem::from_file(&self.problem).map_err(|e| self.refuse(e))?;
-        for warning in &problem.warnings {
-            say(&format!("warning: {}: {warning}", self.problem.display()));
-        }
+        warn(&self.problem, &problem.warnings);
         let printed = Printed::of(outputs.tables.iter().map(PathBuf::as_path), self.json)?;
         let torques =
             outputs.scene.as_ref().filter(|_| problem.has_torques()).map(|path| path.with_extension("torques.csv"));
@@ -79,9 +77,8 @@ impl AimCommand {
         let (found, starts) = match self.starts {
             None => (problem.solve().map_err(|e| self.refuse(e))?, None),
             Some(count) => {
-                let bar = progress(count, "{elapsed:>5} {bar:30} {pos}/{len} starts");
+                let bar = Bar::new(Some(count), "{elapsed:>5} {bar:30} {pos}/{len} starts");
                 let found = problem.solve_from_many(count, self.seed, &|| bar.inc(1));
-                bar.finish_and_clear();
                 let (found, starts) = found.map_err(|e| self.refuse(e))?;
                 (found, Some(starts))
             }
@@ -102,15 +99,14 @@ impl AimCommand {
         if printed.is_asked() {
             return printed.print(out);
         }
-        let written = answer(out, &Answer { found, starts }, self.json, print);
-        written.map_err(|refused| CliError::refused(&self.problem, refused))
+        answer_about(&self.problem, out, &Answer { found, starts }, self.json, print)
     }
 
     fn refuse(&self, error: AimError) -> CliError {
         match error {
             AimError::Run(error) => CliError::scene(&self.problem, error),
-            AimError::File { .. } => CliError::Scene(error.to_string()),
-            other => CliError::Scene(format!("{}: {other}", self.problem.display())),
+            AimError::File { .. } => CliError::Input(error.to_string()),
+            other => CliError::Input(format!("{}: {other}", self.problem.display())),
         }
     }
 }

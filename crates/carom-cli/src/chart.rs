@@ -2,11 +2,10 @@
 
 use crate::error::CliError;
 use crate::files;
-use crate::output::{to_json, write_whole};
+use crate::output::{Bar, to_json, write_whole};
 use crate::scene::load;
 use carom_evidence::chart::{Chart, PeerRun, StiffnessChart, redraw};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -44,7 +43,7 @@ pub struct ChartCommand {
     #[arg(long, value_name = "X.csv", requires = "show", conflicts_with_all = ["peers", "stiffness", "budget", "json"])]
     from: Option<PathBuf>,
     /// A method that --from draws, and its name in the picture; may be repeated up to seven times
-    #[arg(long, value_name = "METHOD[=NAME]", requires = "from")]
+    #[arg(long, value_name = "METHOD[=NAME]", requires = "from", conflicts_with = "scene")]
     show: Vec<String>,
     /// Runs of other programs, one JSON object per line, in the format of benches/peers
     ///
@@ -68,10 +67,10 @@ impl ChartCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let budget = Duration::try_from_secs_f64(self.budget).ok().filter(|budget| !budget.is_zero());
         let Some(budget) = budget else {
-            return Err(CliError::Option(format!("--budget {}: give a number of seconds above 0", self.budget)));
+            return Err(CliError::Input(format!("--budget {}: give a number of seconds above 0", self.budget)));
         };
         if self.out.extension().is_none_or(|ending| ending != "svg") {
-            return Err(CliError::Option(format!("--out {}: give a file that ends in .svg", self.out.display())));
+            return Err(CliError::Input(format!("--out {}: give a file that ends in .svg", self.out.display())));
         }
         let title = |file: &Path| file.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
         let file = match (&self.from, &self.scene) {
@@ -81,27 +80,25 @@ impl ChartCommand {
             }
             (None, Some(scene)) => scene,
             // The parser requires one of the two.
-            (None, None) => return Err(CliError::Option("give a scene, or a table by --from".into())),
+            (None, None) => return Err(CliError::Input("give a scene, or a table by --from".into())),
         };
         let refuse = |e| CliError::scene(file, e);
         let scene = load(file)?;
+        scene.plan().map_err(refuse)?; // which refuses an accuracy: a chart runs the scene with tolerances of its own
         let title = title(file);
         let peers = self.peers.as_deref().map(|file| read_peers(file, &title)).transpose()?.unwrap_or_default();
         let numbers = self.out.with_extension("csv");
         let reads: Vec<PathBuf> = scene.files.iter().chain(&self.peers).cloned().collect();
         files::check(&reads, &[("--out", Some(&self.out)), ("the numbers of --out,", Some(&numbers))])?;
 
-        let bar = ProgressBar::new_spinner();
-        if let Ok(style) = ProgressStyle::with_template("{elapsed:>5} {spinner} {pos} runs, {msg}") {
-            bar.set_style(style);
-        }
+        let bar = Bar::new(None, "{elapsed:>5} {spinner} {pos} runs, {msg}");
         if self.stiffness {
             let chart = StiffnessChart::of(&scene, budget, &mut || bar.inc(1)).map_err(refuse)?;
-            bar.finish_and_clear();
+            drop(bar);
             let Some(chart) = chart else {
                 let rule = "--stiffness: the scene has no compliant contact: give [contact], a surface or a pair the key \
                             compliance";
-                return Err(CliError::Option(rule.into()));
+                return Err(CliError::Input(rule.into()));
             };
             write_whole(&self.out, &chart.svg(&title))?;
             write_whole(&numbers, &chart.csv())?;
@@ -113,7 +110,7 @@ impl ChartCommand {
             bar.inc(1);
         })
         .map_err(refuse)?;
-        bar.finish_and_clear();
+        drop(bar);
         peers.into_iter().for_each(|run| chart.add_peer(run));
         write_whole(&self.out, &chart.svg(&title))?;
         write_whole(&numbers, &chart.csv())?;
@@ -125,10 +122,10 @@ impl ChartCommand {
 /// The runs of other programs in this scene.
 fn read_peers(file: &Path, scene: &str) -> Result<Vec<PeerRun>, CliError> {
     let name = || file.display().to_string();
-    let text = std::fs::read_to_string(file).map_err(|reason| CliError::Unreadable { file: name(), reason })?;
+    let text = std::fs::read_to_string(file).map_err(|e| CliError::unreadable(name(), &e))?;
     let mut peers = Vec::new();
     for (k, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-        let refuse = |reason: String| CliError::Line { file: name(), line: k + 1, reason };
+        let refuse = |reason: String| CliError::line(name(), k + 1, &reason);
         let run: PeerRun = serde_json::from_str(line).map_err(|e| refuse(e.to_string()))?;
         if run.scene == scene {
             run.check().map_err(refuse)?;

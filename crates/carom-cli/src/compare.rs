@@ -1,9 +1,9 @@
 //! `carom compare`: every impact law on measured data.
 
 use crate::error::CliError;
-use crate::fit::{AtRobot, Bar};
+use crate::fit::{AtRobot, bar};
 use crate::output::{make_folder, to_json, write_whole};
-use crate::{files, output::answer};
+use crate::{files, output::answer_about};
 use carom_evidence::compare::{
     CompareOptions, Comparison, DataSet, TossCases, compare, data_sets, markdown, summary, svg, toss_cases,
 };
@@ -140,7 +140,7 @@ impl CompareCommand {
             contact_step: self.contact_step,
             length: self.length,
         };
-        let load = self.at.load.options(true);
+        let load = self.at.load.options(true)?;
         let mut sets = Vec::new();
         let mut own = Vec::new();
         for path in &self.data {
@@ -157,21 +157,21 @@ impl CompareCommand {
         if own.is_empty() && (self.at.robot.is_some() || self.at.tip.is_some()) {
             let rule = "they belong to your own impacts, and none of the data are: give JSON lines (.jsonl), or a CSV table with \
                         the columns q.<joint>, qd_minus.<joint>, qd_plus.<joint>";
-            return Err(CliError::Option(format!("--robot, --tip: {rule}")));
+            return Err(CliError::Input(format!("--robot, --tip: {rule}")));
         }
         if let Some(file) = &self.export {
             let cases: Vec<Option<TossCases>> =
                 sets.iter().map(|set| toss_cases(set, &options)).collect::<Result<_, _>>()?;
             let cases: Vec<TossCases> = cases.into_iter().flatten().collect();
             if cases.is_empty() {
-                return Err(CliError::Option("--export: none of the data sets has tosses".into()));
+                return Err(CliError::Input("--export: none of the data sets has tosses".into()));
             }
             let json = to_json(&cases).map_err(CliError::Output)?;
             return write_whole(file, &format!("{json}\n"));
         }
         let mut comparisons: Vec<Vec<Comparison>> = Vec::new();
         for set in &sets {
-            let bar = Bar::new("steps");
+            let bar = bar("steps");
             comparisons.push(compare(set, &options, &|done, all, _| bar.tell(done, all))?);
         }
         let (pages, others): (Vec<_>, Vec<_>) = comparisons.iter().enumerate().partition(|(k, _)| own.contains(k));
@@ -197,7 +197,7 @@ impl CompareCommand {
         let told = |_: &Report, out: &mut dyn Write| -> io::Result<()> {
             printed.lines().try_for_each(|line| writeln!(out, "{line}"))
         };
-        answer(out, &report(all), self.json, told).map_err(|refused| CliError::refused(&self.data[0], refused))
+        answer_about(&self.data[0], out, &report(all), self.json, told)
     }
 }
 

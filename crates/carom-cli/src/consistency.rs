@@ -2,7 +2,7 @@
 
 use crate::error::CliError;
 use crate::files::{self, Kind, Outputs};
-use crate::output::{answer, write_whole};
+use crate::output::{answer_about, write_whole};
 use carom_evidence::consistency::{Findings, consistency, print, read_measured, v_plot};
 use clap::Args;
 use serde::Serialize;
@@ -57,10 +57,9 @@ impl ConsistencyCommand {
         let report = Report { rows: rows.iter().map(consistency).collect() };
         // Written before the answer: if the picture cannot be written, nothing is printed.
         if let Some(path) = &outputs.picture {
-            let svg = v_plot(&report.rows).map_err(|e| CliError::Option(format!("{}: {e}", self.table.display())))?;
+            let svg = v_plot(&report.rows).map_err(|e| CliError::Input(format!("{}: {e}", self.table.display())))?;
             write_whole(path, &svg)?;
         }
-        let written = answer(out, &report, self.json, |report, out| print(&report.rows, out));
-        written.map_err(|refused| CliError::refused(&self.table, refused))
+        answer_about(&self.table, out, &report, self.json, |report, out| print(&report.rows, out))
     }
 }

@@ -1,43 +1,19 @@
 //! Errors of the commands, each printed as one line.
 
 use carom_chain::ChainError;
+use carom_evidence::EvidenceError;
 use carom_sim::SimError;
+use carom_study::{RowsError, TableError, map_study::StudyError};
+use std::fmt::Display;
 use std::io;
 use std::path::Path;
 
 /// Error that ends a command.
 #[derive(Debug, thiserror::Error)]
 pub enum CliError {
-    /// A robot; the message names its file.
-    #[error(transparent)]
-    Robot(ChainError),
-    /// A scene or its simulation; the message names the file.
+    /// What is refused, or a file that cannot be read or written; the message names the file, the option or both.
     #[error("{0}")]
-    Scene(String),
-    /// A recording; the message names its file.
-    #[cfg(feature = "rerun")]
-    #[error(transparent)]
-    Recording(#[from] carom_record::RecordError),
-    /// A table.
-    #[error(transparent)]
-    Table(#[from] carom_study::TableError),
-    /// A program of the evidence; the message names its file or folder.
-    #[error(transparent)]
-    Evidence(#[from] carom_evidence::EvidenceError),
-    /// A file that cannot be written.
-    #[error("{file}: cannot be written: {reason}")]
-    Unwritable {
-        /// The file.
-        file: String,
-        /// Message of the system.
-        reason: io::Error,
-    },
-    /// A study or its map; the message names their files.
-    #[error(transparent)]
-    Study(#[from] carom_study::map_study::StudyError),
-    /// Rows of a table that are not written; the message names their files.
-    #[error(transparent)]
-    Rows(#[from] carom_study::RowsError),
+    Input(String),
     /// A table of rows with numbers whose computation was interrupted.
     #[error(
         "interrupted after {rows} of {total} rows, which are in {}: run the same command with --resume to continue",
@@ -59,35 +35,6 @@ pub enum CliError {
         /// Number of runs that were asked for.
         runs: u64,
     },
-    /// Cells of `carom stress` that are not as theory predicts.
-    #[error("{count} cells are defects, see the notes in stress.md: {cells}")]
-    Defects {
-        /// Number of defects.
-        count: usize,
-        /// Scene and method of each.
-        cells: String,
-    },
-    /// An option; the message names it, and its file if it has one.
-    #[error("{0}")]
-    Option(String),
-    /// A line of input that is refused.
-    #[error("{file}:{line}: {reason}")]
-    Line {
-        /// The file, or `<stdin>`.
-        file: String,
-        /// Counted from 1.
-        line: usize,
-        /// The rule that it breaks.
-        reason: String,
-    },
-    /// Input that cannot be read.
-    #[error("{file}: cannot be read: {reason}")]
-    Unreadable {
-        /// The file.
-        file: String,
-        /// Message of the system.
-        reason: io::Error,
-    },
     /// Standard output that cannot be written.
     #[error("cannot write the answer: {0}")]
     Output(#[from] io::Error),
@@ -98,43 +45,50 @@ impl CliError {
     pub fn scene(file: &Path, error: SimError) -> Self {
         match error {
             SimError::Scene { .. } | SimError::Chain(ChainError::Urdf { .. } | ChainError::Xacro { .. }) => {
-                Self::Scene(error.to_string())
+                Self::Input(error.to_string())
             }
-            other => Self::Scene(format!("{}: {other}", file.display())),
+            other => Self::Input(format!("{}: {other}", file.display())),
         }
     }
 
-    /// Error of the one answer of a command, with the file that it is about.
-    pub fn refused(file: &Path, refused: Refused) -> Self {
-        match refused {
-            Refused::Output(e) => Self::Output(e),
-            Refused::Input(e) => Self::Scene(format!("{}: {e}", file.display())),
-        }
+    /// A line of input that is refused; lines are counted from 1.
+    pub fn line(file: impl Display, line: usize, reason: &str) -> Self {
+        Self::Input(format!("{file}:{line}: {reason}"))
+    }
+
+    /// Input that cannot be read.
+    pub fn unreadable(file: impl Display, reason: &io::Error) -> Self {
+        Self::Input(format!("{file}: cannot be read: {reason}"))
+    }
+
+    /// A file that cannot be written.
+    pub fn unwritable(file: &Path, reason: &io::Error) -> Self {
+        Self::Input(format!("{}: cannot be written: {reason}", file.display()))
     }
 }
+
+/// Conversions that keep the message of an error.
+macro_rules! from {
+    ($to:ty, $make:expr => $($kind:ty),+) => {$(
+        impl From<$kind> for $to {
+            fn from(error: $kind) -> Self {
+                $make(error.to_string())
+            }
+        }
+    )+};
+}
+
+// the messages of these errors name the file
+from!(CliError, CliError::Input => EvidenceError, RowsError, StudyError, TableError);
+#[cfg(feature = "rerun")]
+from!(CliError, CliError::Input => carom_record::RecordError);
 
 /// Why a line is refused; the reader of lines adds file and number.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct LineError(pub String);
 
-impl From<ChainError> for LineError {
-    fn from(error: ChainError) -> Self {
-        Self(error.to_string())
-    }
-}
-
-impl From<SimError> for LineError {
-    fn from(error: SimError) -> Self {
-        Self(error.to_string())
-    }
-}
-
-impl From<carom_impact::ImpactError> for LineError {
-    fn from(error: carom_impact::ImpactError) -> Self {
-        Self(error.to_string())
-    }
-}
+from!(LineError, LineError => ChainError, SimError, carom_impact::ImpactError);
 
 /// Why a line was not answered.
 pub enum Refused {

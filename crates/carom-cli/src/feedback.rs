@@ -2,7 +2,7 @@
 
 use crate::error::CliError;
 use crate::files::{self, Kind, Outputs};
-use crate::output::{answer, brief, write_whole};
+use crate::output::{answer_about, brief, write_whole};
 use crate::scene::load;
 use carom_sim::Regulator;
 use carom_study::{Growth, Tracked, tracked};
@@ -77,8 +77,7 @@ impl FeedbackCommand {
             write_whole(table, &found.table)?;
             write_whole(path, &found.scene)?;
         }
-        let written = answer(out, &found, self.json, print);
-        written.map_err(|refused| CliError::refused(&self.scene, refused))
+        answer_about(&self.scene, out, &found, self.json, print)
     }
 }
 

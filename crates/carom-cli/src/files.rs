@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Refuses outputs, each named by its option, that are no files, have no folder, or are an input or another output.
 pub fn check(reads: &[PathBuf], writes: &[(&str, Option<&Path>)]) -> Result<(), CliError> {
     let refuse = |(option, path): (&str, &Path), why: String| {
-        Err(CliError::Option(format!("{option} {}: {why}", path.display())))
+        Err(CliError::Input(format!("{option} {}: {why}", path.display())))
     };
     let mut taken: Vec<(&str, &Path, PathBuf)> = Vec::new();
     for (option, path) in writes.iter().filter_map(|(option, path)| Some((*option, (*path)?))) {
@@ -21,7 +21,7 @@ pub fn check(reads: &[PathBuf], writes: &[(&str, Option<&Path>)]) -> Result<(), 
         let (Some(name), false) = (path.file_name(), path.exists() && !path.is_file()) else {
             return refuse((option, path), "it is a folder or a device: give the name of a file".into());
         };
-        let own = place(path, name).map_err(|reason| unwritable(path, reason))?;
+        let own = place(path, name).map_err(|e| CliError::unwritable(path, &e))?;
         // An input that cannot be found is not read.
         if reads.iter().any(|read| read.canonicalize().is_ok_and(|read| read == own)) {
             return refuse(
@@ -36,7 +36,7 @@ pub fn check(reads: &[PathBuf], writes: &[(&str, Option<&Path>)]) -> Result<(), 
         taken.push((option, path, own));
     }
     // Last, so that nothing is made in any folder if an option is refused.
-    taken.iter().try_for_each(|(_, path, _)| Part::unique(path).map(drop).map_err(|reason| unwritable(path, reason)))
+    taken.iter().try_for_each(|(_, path, _)| Part::unique(path).map(drop).map_err(|e| CliError::unwritable(path, &e)))
 }
 
 /// The files of `--out` by what they hold: the ending of a name says it.
@@ -77,11 +77,11 @@ impl Outputs {
     /// Sorts the files of `--out` of a command that writes these kinds.
     ///
     /// # Errors
-    /// [`CliError::Option`]: another ending, or a second picture or recording.
+    /// [`CliError::Input`]: another ending, or a second picture or recording.
     pub fn of(files: &[PathBuf], kinds: &[Kind]) -> Result<Self, CliError> {
         let mut all = Self::default();
         for path in files {
-            let refuse = |why: String| Err(CliError::Option(format!("--out {}: {why}", path.display())));
+            let refuse = |why: String| Err(CliError::Input(format!("--out {}: {why}", path.display())));
             let ending = path.extension().map(|it| it.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
             let kind = kinds.iter().find(|kind| {
                 let printed = **kind == Kind::Table && path == Path::new("-");
@@ -122,7 +122,7 @@ pub fn check_folder(option: &str, path: &Path) -> Result<(), CliError> {
         return Ok(());
     }
     if path.exists() {
-        return Err(CliError::Option(format!("{option} {}: it is a file: give a folder", path.display())));
+        return Err(CliError::Input(format!("{option} {}: it is a file: give a folder", path.display())));
     }
     check_parent(option, path)
 }
@@ -132,7 +132,7 @@ pub fn check_own(option: &str, folder: &Path, names: &[&str]) -> Result<(), CliE
     let (there, missing): (Vec<&str>, Vec<&str>) = names.iter().partition(|name| folder.join(name).exists());
     let ([one, ..], [other, ..]) = (there.as_slice(), missing.as_slice()) else { return Ok(()) };
     let folder = folder.display();
-    Err(CliError::Option(format!(
+    Err(CliError::Input(format!(
         "{option} {folder}: it contains '{one}' but not '{other}', so it is not the folder of an earlier run, whose files are \
          replaced: give another folder"
     )))
@@ -144,7 +144,7 @@ fn check_parent(option: &str, path: &Path) -> Result<(), CliError> {
         None => Ok(()),
         Some(missing) => {
             let (path, missing) = (path.display(), missing.display());
-            Err(CliError::Option(format!("{option} {path}: there is no folder {missing}: make it first")))
+            Err(CliError::Input(format!("{option} {path}: there is no folder {missing}: make it first")))
         }
     }
 }
@@ -155,10 +155,6 @@ fn place(path: &Path, name: &OsStr) -> io::Result<PathBuf> {
         let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
         Ok(parent.unwrap_or(Path::new(".")).canonicalize()?.join(name))
     })
-}
-
-fn unwritable(path: &Path, reason: io::Error) -> CliError {
-    CliError::Unwritable { file: path.display().to_string(), reason }
 }
 
 /// When the command is interrupted or terminated, removes its temporary files, says so, and exits with status 1. The outputs

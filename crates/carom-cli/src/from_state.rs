@@ -27,9 +27,8 @@ struct State {
 /// Replaces the start of a scene, and its time if the file gives one, and warns where the end of a run does not determine how it goes
 /// on.
 pub fn apply(path: &Path, scene: &mut Scene) -> Result<(), CliError> {
-    let refuse = |why: String| CliError::Option(format!("--from-state {}: {why}", path.display()));
-    let text = std::fs::read_to_string(path)
-        .map_err(|reason| CliError::Unreadable { file: path.display().to_string(), reason })?;
+    let refuse = |why: String| CliError::Input(format!("--from-state {}: {why}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|e| CliError::unreadable(path.display(), &e))?;
     let given: Given =
         serde_json::from_str(text.trim_start_matches('\u{feff}').trim()).map_err(|e| refuse(e.to_string()))?;
     let chain = &scene.simulation.chain;

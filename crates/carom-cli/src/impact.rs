@@ -4,9 +4,8 @@ use crate::error::CliError;
 use crate::error::LineError;
 use crate::input::{JointOrder, LimitWarnings, RobotArgs, StateArgs, for_each_line, parse_range, parse_vector};
 use crate::law::{All, Branch, LawArgs};
-use crate::output::{row, short};
-use carom_chain::urdf::JointType;
-use carom_chain::{Chain, ChainError, Coordinates, FramePoint, ToolMotion};
+use crate::output::{row, say, short};
+use carom_chain::{Chain, ChainError, FramePoint, ToolMotion};
 use carom_impact::{CoefficientRanges, Law};
 use carom_sim::{ChainImpact, Contact, ImpactLoads, Impacts, JointImpulse, JointModel, SimError, Strike};
 use clap::Args;
@@ -82,15 +81,15 @@ pub struct Impact {
     /// (N m s), in the axes of the child link.
     #[arg(long, verbatim_doc_comment)]
     loads: bool,
-    /// Which joint velocities are taken where a state gives the velocity of the contact point
+    /// Joint velocities that are taken where a state gives tip_velocity [default: least-energy]
     ///
     /// least-energy: those of the least kinetic energy, with which the link turns in general;
     /// least-norm: of the least sum of squares; without-rotation: the link does not turn, and of these
     /// velocities those of the least kinetic energy.
     #[arg(
-        long, value_name = "HOW", default_value = "least-energy", value_parser = ToolMotion::from_name, verbatim_doc_comment
+        long, value_name = "HOW", value_parser = ToolMotion::from_name, verbatim_doc_comment
     )]
-    motion: ToolMotion,
+    motion: Option<ToolMotion>,
 }
 
 /// A line of `--states`; tau and qdd are those of `dynamics`.
@@ -166,7 +165,7 @@ impl Drives {
     /// The locked joints, each named once, or `all` alone.
     fn locked(&self, urdf: &Path) -> Result<Vec<&str>, CliError> {
         let names: Vec<&str> = self.locked.iter().flatten().map(String::as_str).collect();
-        let refuse = |why: String| Err(CliError::Option(format!("{}: --locked: {why}", urdf.display())));
+        let refuse = |why: String| Err(CliError::Input(format!("{}: --locked: {why}", urdf.display())));
         if names.len() > 1 && names.contains(&"all") {
             return refuse(
                 "'all' locks every joint but a floating base: give it alone, or give names without it".into(),
@@ -182,29 +181,21 @@ impl Drives {
         let Some(contact_time) = self.contact_time else { return Ok(None) };
         if self.joint_stiffness.is_none() && self.joint_damping.is_none() {
             let why = "--contact-time is the duration of the contact with the joint drives: give --joint-stiffness or --joint-damping too";
-            return Err(CliError::Option(why.into()));
+            return Err(CliError::Input(why.into()));
         }
         let spread = |option: &str, given: &Option<Vec<f64>>| {
             let given = given.as_deref().unwrap_or(&[0.0]);
             if let Some(x) = given.iter().find(|x| !(**x >= 0.0 && x.is_finite())) {
                 let rule = "stiffness and damping of a drive are finite and 0 or more";
-                return Err(CliError::Option(format!("{option} {x}: {rule}")));
+                return Err(CliError::Input(format!("{option} {x}: {rule}")));
             }
-            if let [one] = given
-                && chain.nv() != 1
-            {
-                let mut all = vec![*one; chain.nv()];
-                for joint in chain.joints().iter().filter(|joint| joint.kind == JointType::Floating) {
-                    if let Coordinates::Own { v, .. } = &joint.coordinates {
-                        all[v.clone()].fill(0.0);
-                    }
-                }
-                return Ok(all);
+            if let [one] = given {
+                return Ok(JointModel::for_all_joints(chain, *one));
             }
             if given.len() != chain.nv() {
                 let (got, names) = (given.len(), order.names.join(", "));
                 let why = format!("{option}: {got} numbers: give one, or {} in the order of qd ({names})", chain.nv());
-                return Err(CliError::Option(why));
+                return Err(CliError::Input(why));
             }
             Ok(order.v(given))
         };
@@ -279,7 +270,7 @@ impl Impact {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let laws = self.law.laws::<3>()?;
         let ranges = self.ranges()?;
-        let chain = self.robot.load_for_dynamics()?;
+        let chain = self.robot.load()?;
         let order = JointOrder::new(&chain, &self.robot.urdf, self.state.joints.as_deref())?;
         let tip = self.robot.frame(&chain, &self.tip)?;
         let impedance = self.drives.impedance(&chain, &order)?;
@@ -294,27 +285,35 @@ impl Impact {
         };
         // Options that no state can satisfy are refused before any state is read, without a line number.
         let strike = chain.impact(&[], &[]).at(tip).offset(self.state.point).normal(self.normal).joints(joints);
-        strike.prepare().map_err(|why| {
+        strike.prepare().and_then(|strike| strike.check_dynamics()).map_err(|why| {
             // Faults of the robot are named with its file.
             let robot = format!("{}: ", self.robot.urdf.display());
             let (robot, option) = match &why {
+                SimError::Chain(ChainError::Massless { .. }) => return CliError::Input(format!("{robot}{why}")),
                 SimError::Chain(ChainError::NoDirection { .. }) => ("", "--normal"),
                 SimError::Setting { .. } => ("", "--contact-time"),
                 SimError::FixedPoint { .. } => (robot.as_str(), "--tip"),
                 _ => (robot.as_str(), "--locked"),
             };
-            CliError::Option(format!("{robot}{option}: {why}"))
+            CliError::Input(format!("{robot}{option}: {why}"))
         })?;
         let mut limits = LimitWarnings::default();
         let point = FramePoint::new(tip, self.state.point);
+        let (mut with_motion, mut without_motion) = (0, 0);
         for_each_line(&self.state.states, out, |state: ImpactState, place, out| {
             let q = order.q(&state.q);
             let qd = match (&state.qd, state.tip_velocity) {
-                (Some(qd), None) => order.v(qd),
+                (Some(qd), None) => {
+                    let qd = order.v(qd);
+                    chain.check_state(&q, &qd)?;
+                    without_motion += 1;
+                    qd
+                }
                 (None, Some(velocity)) => {
                     chain.check_q(&q)?;
-                    let found =
-                        chain.workspace().update(&chain, &q)?.tool_velocity(point, velocity.into(), self.motion)?;
+                    let motion = self.motion.unwrap_or_default();
+                    let found = chain.workspace().update(&chain, &q)?.tool_velocity(point, velocity.into(), motion)?;
+                    with_motion += 1;
                     found.as_slice().to_vec()
                 }
                 _ => return Err(LineError("give qd or tip_velocity, one of both".into()).into()),
@@ -338,7 +337,13 @@ impl Impact {
                 }
             }
             all.answer(out, self.state.json, laws.len(), |all, out| for_people(all, &order, out))
-        })
+        })?;
+        if self.motion.is_some() && with_motion == 0 && without_motion > 0 {
+            say(
+                "warning: --motion has no effect: it chooses qd where a state gives tip_velocity, and every state gives qd",
+            );
+        }
+        Ok(())
     }
 }
 
@@ -353,11 +358,11 @@ impl Impact {
         if !(0.0 <= restitution[0] && restitution[1] <= 1.0) {
             let [low, high] = restitution;
             let rule = "a coefficient of restitution lies between 0 and 1";
-            return Err(CliError::Option(format!("--restitution-range {low}:{high}: {rule}")));
+            return Err(CliError::Input(format!("--restitution-range {low}:{high}: {rule}")));
         }
         if friction[0] < 0.0 {
             let [low, high] = friction;
-            return Err(CliError::Option(format!(
+            return Err(CliError::Input(format!(
                 "--friction-range {low}:{high}: a coefficient of friction is not negative"
             )));
         }

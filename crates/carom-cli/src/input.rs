@@ -60,8 +60,8 @@ pub struct LoadArgs {
 impl RobotArgs {
     /// Reads the robot and prints the first warnings about it.
     pub fn load(&self) -> Result<Chain, CliError> {
-        let chain =
-            Chain::from_urdf_file_with(&self.urdf, &self.load.options(self.floating)).map_err(CliError::Robot)?;
+        let options = self.load.options(self.floating)?;
+        let chain = Chain::from_urdf_file_with(&self.urdf, &options).map_err(|e| CliError::Input(e.to_string()))?;
         tell(&self.urdf.display().to_string(), &chain);
         Ok(chain)
     }
@@ -69,30 +69,38 @@ impl RobotArgs {
     /// The same, for a command that computes dynamics.
     ///
     /// # Errors
-    /// [`CliError::Scene`] if links move without mass.
+    /// [`CliError::Input`] if links move without mass.
     pub fn load_for_dynamics(&self) -> Result<Chain, CliError> {
         let chain = self.load()?;
-        chain.check_dynamics().map_err(|e| CliError::Scene(format!("{}: {e}", self.urdf.display())))?;
+        chain.check_dynamics().map_err(|e| CliError::Input(format!("{}: {e}", self.urdf.display())))?;
         Ok(chain)
     }
 
     /// A frame of the robot, by link name.
     pub fn frame(&self, chain: &Chain, link: &str) -> Result<FrameId, CliError> {
-        chain.frame(link).map_err(|e| CliError::Option(format!("{}: --tip: {e}", self.urdf.display())))
+        chain.frame(link).map_err(|e| CliError::Input(format!("{}: --tip: {e}", self.urdf.display())))
     }
 }
 
 impl LoadArgs {
-    pub fn options(&self, floating_base: bool) -> LoadOptions {
-        LoadOptions {
+    /// # Errors
+    /// [`CliError::Input`] for a joint with two rotors.
+    pub fn options(&self, floating_base: bool) -> Result<LoadOptions, CliError> {
+        let rotors = &self.rotor_inertia;
+        if let Some((_, (twin, _))) =
+            rotors.iter().enumerate().find(|(k, (name, _))| rotors[..*k].iter().any(|it| it.0 == *name))
+        {
+            return Err(CliError::Input(format!("--rotor-inertia: joint '{twin}' is named twice")));
+        }
+        Ok(LoadOptions {
             floating_base,
             meshes: if self.no_meshes { Meshes::Ignored } else { Meshes::WhenUsed },
             strict: self.strict,
             repair: self.repair,
             package_dirs: self.package_dirs.clone(),
-            rotor_inertia: self.rotor_inertia.iter().cloned().collect(),
+            rotor_inertia: rotors.iter().cloned().collect(),
             ..LoadOptions::default()
-        }
+        })
     }
 }
 
@@ -121,7 +129,7 @@ pub fn parse_vector(text: &str) -> Result<[f64; 3], String> {
 
 /// Refuses a number of an option that lies outside its range; `rule` is the message.
 pub fn within(option: &str, x: f64, range: RangeInclusive<f64>, rule: &str) -> Result<(), CliError> {
-    if range.contains(&x) { Ok(()) } else { Err(CliError::Option(format!("{option} {x}: {rule}"))) }
+    if range.contains(&x) { Ok(()) } else { Err(CliError::Input(format!("{option} {x}: {rule}"))) }
 }
 
 /// Refuses coefficients outside the range that is common to all laws.
@@ -162,7 +170,7 @@ pub fn for_each_line<T: DeserializeOwned>(
 ) -> Result<(), CliError> {
     let stdin = path == Path::new("-");
     let file = if stdin { "<stdin>".to_owned() } else { path.display().to_string() };
-    let unreadable = |reason| CliError::Unreadable { file: file.clone(), reason };
+    let unreadable = |e| CliError::unreadable(&file, &e);
     let mut reader: Box<dyn BufRead> = if stdin {
         Box::new(io::stdin().lock())
     } else {
@@ -180,7 +188,7 @@ pub fn for_each_line<T: DeserializeOwned>(
         place.line += 1;
         if bytes.len() as u64 > most {
             let reason = format!("the line is longer than {MOST_MIB} MiB, the limit: write one object on each line");
-            return Err(CliError::Line { file: file.clone(), line: place.line, reason });
+            return Err(CliError::line(&file, place.line, &reason));
         }
         let text = std::str::from_utf8(&bytes);
         let text =
@@ -191,7 +199,7 @@ pub fn for_each_line<T: DeserializeOwned>(
         }
         let parsed = serde_json::from_str(text.trim_end()).map_err(|e| Refused::Input(LineError(shorten(&e))));
         parsed.and_then(|value| answer(value, &place, &mut out)).map_err(|refused| match refused {
-            Refused::Input(LineError(reason)) => CliError::Line { file: file.clone(), line: place.line, reason },
+            Refused::Input(LineError(reason)) => CliError::line(&file, place.line, &reason),
             Refused::Output(e) => CliError::Output(e),
         })?;
         if stdin {
@@ -242,11 +250,11 @@ impl JointOrder {
     /// The caller's list (`--joints a,b,c`), or the order of the file. A floating base that is missing from the list comes first.
     ///
     /// # Errors
-    /// [`CliError::Option`] if a name is unknown, fixed, a mimic joint or repeated, or if a moving joint is missing.
+    /// [`CliError::Input`] if a name is unknown, fixed, a mimic joint or repeated, or if a moving joint is missing.
     pub fn new(chain: &Chain, urdf: &Path, list: Option<&[String]>) -> Result<Self, CliError> {
         let own: Vec<&JointInfo> =
             chain.joints().iter().filter(|j| matches!(j.coordinates, Coordinates::Own { .. })).collect();
-        let refuse = |why: String| CliError::Option(format!("{}: --joints: {why}", urdf.display()));
+        let refuse = |why: String| CliError::Input(format!("{}: --joints: {why}", urdf.display()));
         let ordered = match list {
             None => own,
             Some(list) => {

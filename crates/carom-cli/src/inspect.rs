@@ -163,20 +163,20 @@ fn planar(chain: &Chain) -> Planar {
 
 impl Inspect {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
-        let options = self.load.options(self.floating);
+        let options = self.load.options(self.floating)?;
         let urdf = match (self.urdf, self.all) {
             (Some(urdf), _) => urdf,
             (None, Some(folder)) => return survey(&folder, &options, self.json, out),
             (None, None) => unreachable!("one of them is required"),
         };
         let chain = if urdf.extension().is_some_and(|ending| ending == "toml") {
-            if options != LoadArgs::default().options(false) {
+            if options != LoadArgs::default().options(false)? {
                 let why = "options for loading are keys of the scene: remove them here";
-                return Err(CliError::Option(format!("{}: {why}", urdf.display())));
+                return Err(CliError::Input(format!("{}: {why}", urdf.display())));
             }
             Scene::from_file(&urdf).map_err(|e| CliError::scene(&urdf, e))?.simulation.chain
         } else {
-            Chain::from_urdf_file_with(urdf, &options).map_err(CliError::Robot)?
+            Chain::from_urdf_file_with(urdf, &options).map_err(|e| CliError::Input(e.to_string()))?
         };
         let (found, rotors) = (chain.report(), chain.rotor_inertias());
         let entries = |range: &Range<usize>| [range.start, range.len()];

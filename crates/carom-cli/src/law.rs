@@ -261,7 +261,7 @@ impl LawCommand {
             return Ok(());
         }
         let file = if self.problems == Path::new("-") { "<stdin>".into() } else { self.problems.display().to_string() };
-        Err(CliError::Option(format!("{file}: it holds no problem to draw: give at least one line")))
+        Err(CliError::Input(format!("{file}: it holds no problem to draw: give at least one line")))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::error::CliError;
 use crate::files::{self, Kind, Outputs};
-use crate::output::{answer, say, short, write_whole};
+use crate::output::{answer_about, short, warn, write_whole};
 use crate::record::{check_map, check_recording, record_map};
 use crate::rows::RowOptions;
 use carom_study::map_study::{Advice, Study};
@@ -49,7 +49,9 @@ pub struct MapCommand {
     log: bool,
     /// Print the best rows under the conditions in [advise] of the study
     ///
-    /// For a redundant arm also the best pose along the self-motion through each of these rows.
+    /// These are local optima of the map: rows without a better neighbour on an axis of numbers, so
+    /// that rows beside the best one are not listed. For a redundant arm also the best pose along the
+    /// self-motion through each of these rows.
     #[arg(long, conflicts_with = "shard", verbatim_doc_comment)]
     advise: bool,
     #[command(flatten)]
@@ -154,23 +156,25 @@ impl MapCommand {
         check_recording(files.recording.as_deref())?;
         let study = Study::from_file(&self.study)?;
         files::check(&study.files, &files.files())?;
-        for warning in &study.warnings {
-            say(&format!("warning: {}: {warning}", self.study.display()));
-        }
+        warn(&self.study, &study.warnings);
         let names: Vec<&str> = study.columns().iter().map(|column| column.name.as_str()).collect();
         let shown = self.show.as_deref().or(names.get(class(&study) + 1).copied()).unwrap_or("class");
         if !names.contains(&shown) {
             let names = names.join(", ");
-            return Err(CliError::Option(format!(
+            return Err(CliError::Input(format!(
                 "--show {shown}: this map has no such column: its columns are {names}"
             )));
+        }
+        if self.show.is_some() && files.picture.is_none() && files.recording.is_none() {
+            let why = "nothing is drawn or recorded: give --out a name that ends in .svg or .rrd";
+            return Err(CliError::Input(format!("--show {shown}: {why}")));
         }
         // What cannot be drawn, recorded or advised is refused before the map is computed.
         if files.picture.is_some() {
             study.check_picture(shown)?;
         }
         if self.log && files.picture.is_none() {
-            return Err(CliError::Option("--log: no picture is written: give --out a name that ends in .svg".into()));
+            return Err(CliError::Input("--log: no picture is written: give --out a name that ends in .svg".into()));
         }
         if files.recording.is_some() {
             check_map(&study, shown)?;
@@ -202,8 +206,7 @@ impl MapCommand {
             rrd: files.recording.as_deref().map(|path| path.display().to_string()),
             advice: advice.as_ref().map(|advice| Advised::of(&study, advice)),
         };
-        let written = answer(out, &summary, self.json, |summary, out| for_people(&study, summary, out));
-        written.map_err(|refused| CliError::refused(&self.study, refused))
+        answer_about(&self.study, out, &summary, self.json, |summary, out| for_people(&study, summary, out))
     }
 }
 

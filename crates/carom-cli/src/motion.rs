@@ -1,7 +1,7 @@
 //! The motion of a plan as tables and as a recording: of what `carom aim` and `carom orbit` find.
 
 use crate::error::CliError;
-use crate::record::{Record, Recorder};
+use crate::record::{Record, begin_recording};
 use crate::simulate::Tables;
 use carom_sim::{Moment, Plan, Sampling, Scene, Seen};
 use carom_study::orbit::SAMPLES;
@@ -20,7 +20,7 @@ pub fn write_motion(
     }
     let columns = state_columns(&plan.simulation.chain);
     let mut table = Tables::begin(tables.iter().copied(), &columns, &scene.text)?;
-    let mut recorder = Recorder::begin(record, scene, plan)?;
+    let mut recorder = begin_recording(record, scene, plan)?;
     let sampling = Sampling { every: Some(duration / SAMPLES as f64), ..Sampling::default() };
     let run = plan.stream(duration, sampling, &mut |seen| {
         if let Seen::Moment(Moment { time, q, qd }) = &seen {
@@ -32,5 +32,8 @@ pub fn write_motion(
     });
     let run = run.map_err(|e| CliError::scene(file, e))?;
     table.finish()?;
-    recorder.map_or(Ok(()), |recorder| recorder.finish(&run))
+    if let Some(recorder) = recorder {
+        recorder.finish(&run)?;
+    }
+    Ok(())
 }

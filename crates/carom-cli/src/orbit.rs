@@ -3,7 +3,7 @@
 use crate::error::CliError;
 use crate::files::{self, Kind, Outputs};
 use crate::motion::write_motion;
-use crate::output::{Printed, answer, brief, progress, say, write_whole};
+use crate::output::{Bar, Printed, answer_about, brief, say, warn, write_whole};
 use crate::plan::moving_joints;
 use crate::record::Record;
 use crate::rows::RowOptions;
@@ -129,22 +129,20 @@ impl OrbitCommand {
             &[Kind::Table, Kind::Picture, Kind::Recording]
         };
         if let Some(option) = self.rows.given().filter(|_| !numbered) {
-            return Err(CliError::Option(format!("{option} is for the rows of --cycles and --basin: leave it out")));
+            return Err(CliError::Input(format!("{option} is for the rows of --cycles and --basin: leave it out")));
         }
         let outputs = Outputs::of(&self.out, kinds)?;
         self.record.check(outputs.recording.as_deref())?;
         if self.show.is_some() && outputs.picture.is_none() {
-            return Err(CliError::Option("--show: no picture is written: give --out a name that ends in .svg".into()));
+            return Err(CliError::Input("--show: no picture is written: give --out a name that ends in .svg".into()));
         }
         if self.record.is_asked() && (self.branch || numbered) {
-            return Err(CliError::Option(
+            return Err(CliError::Input(
                 "--connect and --spawn record one orbit: leave out --branch, --cycles and --basin".into(),
             ));
         }
         let mut problem = Problem::from_file(&self.problem).map_err(|e| self.refuse(e))?;
-        for warning in &problem.warnings {
-            say(&format!("warning: {}: {warning}", self.problem.display()));
-        }
+        warn(&self.problem, &problem.warnings);
         if numbered {
             files::check(&problem.files, &outputs.files())?;
             let stop = files::interrupts();
@@ -165,11 +163,10 @@ impl OrbitCommand {
             if printed.is_asked() {
                 return printed.print(out);
             }
-            let written = answer(out, &branch, self.json, |all, out| {
+            return answer_about(&self.problem, out, &branch, self.json, |all, out| {
                 print_branch(&all.branch, out)?;
                 all.doubled.iter().flatten().try_for_each(|branch| print_branch(branch, out))
             });
-            return written.map_err(|refused| CliError::refused(&self.problem, refused));
         }
         let orbit = problem.find().map_err(|e| self.refuse(e))?;
         let plan = problem.plan_of(&orbit).map_err(|e| self.refuse(e))?;
@@ -182,15 +179,14 @@ impl OrbitCommand {
         }
         let found = Found { joints: moving_joints(&plan), orbit: &orbit };
         let names = problem.scene.simulation.state_names();
-        let written = answer(out, &found, self.json, |found, out| print_orbit(found.orbit, &names, out));
-        written.map_err(|refused| CliError::refused(&self.problem, refused))
+        answer_about(&self.problem, out, &found, self.json, |found, out| print_orbit(found.orbit, &names, out))
     }
 
     fn refuse(&self, error: OrbitError) -> CliError {
         match error {
             OrbitError::Run(error) => CliError::scene(&self.problem, error),
-            OrbitError::File { .. } => CliError::Scene(error.to_string()),
-            other => CliError::Scene(format!("{}: {other}", self.problem.display())),
+            OrbitError::File { .. } => CliError::Input(error.to_string()),
+            other => CliError::Input(format!("{}: {other}", self.problem.display())),
         }
     }
 
@@ -212,7 +208,7 @@ impl OrbitCommand {
                 let names: Vec<&str> =
                     columns.iter().filter(|it| it.words.is_empty()).map(|it| it.name.as_str()).collect();
                 branch.diagram(&doubled, &columns, show).ok_or_else(|| {
-                    CliError::Option(format!("--show {show}: the columns of the branch are {}", names.join(", ")))
+                    CliError::Input(format!("--show {show}: the columns of the branch are {}", names.join(", ")))
                 })?
             };
             draw(&diagram, path)?;
@@ -224,17 +220,17 @@ impl OrbitCommand {
     fn draw_period(&self, problem: &Problem, orbit: &Orbit, path: &Path) -> Result<(), CliError> {
         let given = self.show.as_deref().map(|show| match show.split_once(',') {
             Some((x, y)) => Ok([x.trim().to_owned(), y.trim().to_owned()]),
-            None => Err(CliError::Option(format!(
-                "--show {show}: the picture of one orbit has two columns: q.left,qd.left"
-            ))),
+            None => {
+                Err(CliError::Input(format!("--show {show}: the picture of one orbit has two columns: q.left,qd.left")))
+            }
         });
         let usual = || {
             let why = "--show is missing: no joint has one coordinate that must return: give two columns";
-            problem.usual_portrait().ok_or_else(|| CliError::Option(why.into()))
+            problem.usual_portrait().ok_or_else(|| CliError::Input(why.into()))
         };
         let [x, y] = given.unwrap_or_else(usual)?;
         let diagram = problem.portrait(orbit, [&x, &y]).map_err(|error| match error {
-            OrbitError::File { rule, .. } => CliError::Option(format!("--show: {rule}")),
+            OrbitError::File { rule, .. } => CliError::Input(format!("--show: {rule}")),
             other => self.refuse(other),
         })?;
         draw(&diagram, path)
@@ -262,26 +258,24 @@ impl OrbitCommand {
             self.rows.write((path, rows), (&pool, stop), |file, count, stop| cycles.write(file, count, stop))?;
         }
         if let Some(path) = picture {
-            let bar = progress(count, CELLS);
+            let bar = Bar::new(Some(count), CELLS);
             let diagram = pool.install(|| cycles.picture(&|rows| bar.inc(rows), stop));
-            bar.finish_and_clear();
             draw(&diagram.ok_or_else(interrupted)?, path)?;
         }
         let (failed, first) = cycles.failures();
         let name = problem.parameter_name();
         if let Some((value, error)) = first {
-            say(&format!("warning: {}: {name} = {value}: {error}", self.problem.display()));
+            warn(&self.problem, [format!("{name} = {value}: {error}")]);
         }
         let done = Cycles { values: count / keep, rows: count, failed };
-        let written = answer(out, &done, self.json, |done, out| {
+        answer_about(&self.problem, out, &done, self.json, |done, out| {
             writeln!(out, "{} rows: cycles at {} values of {name}", done.rows, done.values)?;
             if done.failed > 0 {
                 writeln!(out, "at {} values the motion does not return to the section", done.failed)
             } else {
                 Ok(())
             }
-        });
-        written.map_err(|refused| CliError::refused(&self.problem, refused))
+        })
     }
 
     /// The table and the picture of a basin.
@@ -300,17 +294,15 @@ impl OrbitCommand {
             self.rows.write((path, rows), (&pool, stop), |file, count, stop| basin.write(file, count, stop))?;
         }
         if let Some(path) = picture {
-            let bar = progress(count, CELLS);
+            let bar = Bar::new(Some(count), CELLS);
             let svg = pool.install(|| basin.picture(&|cells| bar.inc(cells), stop)).map_err(|e| self.refuse(e))?;
-            bar.finish_and_clear();
             write_whole(path, &svg.ok_or_else(interrupted)?)?;
         }
         let outcomes: Vec<Outcome> =
             basin.outcomes().into_iter().map(|(outcome, cells)| Outcome { outcome, cells }).collect();
         let computed = outcomes.iter().map(|it| it.cells).sum();
         let done = Basins { rows: count, computed, outcomes, attractors: basin.attractors() };
-        let written = answer(out, &done, self.json, print_basin);
-        written.map_err(|refused| CliError::refused(&self.problem, refused))
+        answer_about(&self.problem, out, &done, self.json, print_basin)
     }
 }
 
@@ -318,12 +310,12 @@ impl OrbitCommand {
 const CELLS: &str = "{bar:40} {human_pos}/{human_len} rows, {per_sec}, {eta} left";
 
 fn interrupted() -> CliError {
-    CliError::Option("interrupted: the picture is not written".into())
+    CliError::Input("interrupted: the picture is not written".into())
 }
 
 /// Writes a diagram as SVG.
 fn draw(diagram: &Diagram<2>, path: &Path) -> Result<(), CliError> {
-    let undrawn = || CliError::Option(format!("--out {}: the numbers cannot be drawn", path.display()));
+    let undrawn = || CliError::Input(format!("--out {}: the numbers cannot be drawn", path.display()));
     write_whole(path, &diagram.svg().ok_or_else(undrawn)?)
 }
 

@@ -2,7 +2,7 @@
 
 use crate::error::{CliError, LineError, Refused};
 use carom_chain::input::{MESSAGE, shortened};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use serde_json::Value;
 use serde_json::ser::{CompactFormatter, Formatter};
@@ -10,6 +10,7 @@ use std::borrow::Cow;
 use std::fmt;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Write};
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -33,6 +34,23 @@ pub fn answer<A: Serialize>(
         }
     }
     if json { writeln!(out, "{text}") } else { for_people(answer, out) }.map_err(Refused::Output)
+}
+
+/// Writes the one answer of a command, which is about this file.
+///
+/// # Errors
+/// As [`answer`]; the message names the file.
+pub fn answer_about<A: Serialize>(
+    file: &Path,
+    out: &mut dyn Write,
+    whole: &A,
+    json: bool,
+    for_people: impl FnOnce(&A, &mut dyn Write) -> io::Result<()>,
+) -> Result<(), CliError> {
+    answer(out, whole, json, for_people).map_err(|refused| match refused {
+        Refused::Output(e) => CliError::Output(e),
+        Refused::Input(e) => CliError::Input(format!("{}: {e}", file.display())),
+    })
 }
 
 /// One line of JSON.
@@ -60,19 +78,43 @@ fn first_null(key: &str, value: &Value) -> Option<String> {
     }
 }
 
-/// A progress bar on standard error, shown on a terminal only.
-pub fn progress(total: u64, template: &str) -> ProgressBar {
-    let bar = ProgressBar::new(total);
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
+/// A progress bar on standard error, shown on a terminal only, until it is dropped.
+pub struct Bar(ProgressBar);
+
+impl Bar {
+    /// Of so many steps, if their number is known.
+    pub fn new(total: Option<u64>, template: &str) -> Self {
+        let bar = ProgressBar::with_draw_target(total, ProgressDrawTarget::stderr());
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style);
+        }
+        Self(bar)
     }
-    bar
+
+    /// So many steps are done, of so many.
+    pub fn tell(&self, done: usize, all: usize) {
+        self.set_length(all as u64);
+        self.set_position(done as u64);
+    }
+}
+
+impl Deref for Bar {
+    type Target = ProgressBar;
+
+    fn deref(&self) -> &ProgressBar {
+        &self.0
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
 }
 
 /// Writes a file that is complete or not there.
 pub fn write_whole(path: &Path, text: &str) -> Result<(), CliError> {
-    let unwritable = |reason| CliError::Unwritable { file: path.display().to_string(), reason };
-    carom_study::write_whole(path, text.as_bytes()).map_err(unwritable)
+    carom_study::write_whole(path, text.as_bytes()).map_err(|e| CliError::unwritable(path, &e))
 }
 
 /// A table whose name is `-`: it is printed as CSV in place of the answer, when it is complete.
@@ -82,7 +124,7 @@ impl Printed {
     /// Whether one of the tables is `-`.
     ///
     /// # Errors
-    /// [`CliError::Option`] if two tables, or a table and the answer in JSON, would be mixed.
+    /// [`CliError::Input`] if two tables, or a table and the answer in JSON, would be mixed.
     pub fn of<'a>(tables: impl Iterator<Item = &'a Path>, json: bool) -> Result<Self, CliError> {
         let asked = tables.filter(|path| *path == Path::new("-")).count();
         if asked == 0 {
@@ -90,7 +132,7 @@ impl Printed {
         }
         if asked > 1 || json {
             let other = if json { "the answer of --json" } else { "another table" };
-            return Err(CliError::Option(format!("-: standard output has {other}: give the table the name of a file")));
+            return Err(CliError::Input(format!("-: standard output has {other}: give the table the name of a file")));
         }
         let folder = tempfile::tempdir()?;
         let file = folder.path().join("table.csv");
@@ -130,7 +172,7 @@ pub fn make_folder(path: &Path) -> Result<(), CliError> {
     if path.is_dir() {
         return Ok(());
     }
-    std::fs::create_dir(path).map_err(|reason| CliError::Unwritable { file: path.display().to_string(), reason })
+    std::fs::create_dir(path).map_err(|e| CliError::unwritable(path, &e))
 }
 
 /// Whether a terminal would obey a character instead of showing it: control characters (escape sequences, new lines), marks that
@@ -189,6 +231,11 @@ pub fn say(text: &str) {
         return;
     }
     let _ = writeln!(io::stderr(), "{}", plain(&shortened(text, 2 * MESSAGE)));
+}
+
+/// Writes warnings about a file to standard error.
+pub fn warn(file: &Path, warnings: impl IntoIterator<Item = impl fmt::Display>) {
+    warnings.into_iter().for_each(|warning| say(&format!("warning: {}: {warning}", file.display())));
 }
 
 /// A vector as a row of a table.

@@ -2,7 +2,7 @@
 
 use crate::error::CliError;
 use crate::files;
-use crate::output::answer;
+use crate::output::answer_about;
 use carom_evidence::EvidenceError;
 use carom_evidence::paper::{Paper, stand_in};
 use clap::Args;
@@ -39,7 +39,6 @@ impl PaperCommand {
         files::check_folder("--out", &self.out)?;
         let paper = Paper::of(&stand_in().map_err(EvidenceError::from)?)?;
         paper.write(&self.out)?;
-        let written = answer(out, &paper, self.json, |paper, out| paper.print(&self.out, out));
-        written.map_err(|refused| CliError::refused(&self.out, refused))
+        answer_about(&self.out, out, &paper, self.json, |paper, out| paper.print(&self.out, out))
     }
 }

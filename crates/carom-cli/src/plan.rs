@@ -1,7 +1,7 @@
 //! `carom plan`: the model that a scene is simulated with.
 
 use crate::error::CliError;
-use crate::output::{answer, short};
+use crate::output::{answer_about, short};
 use crate::scene::load;
 use carom_sim::{Bounded, Decision, Plan};
 use clap::Args;
@@ -53,8 +53,7 @@ impl PlanCommand {
         let refuse = |e| CliError::scene(&self.scene, e);
         let scene = load(&self.scene)?;
         let plan = scene.to_accuracy().map_err(refuse)?.plan;
-        let written = answer(out, &Account::of(&plan), self.json, |_, out| for_people(&plan, out));
-        written.map_err(|refused| CliError::refused(&self.scene, refused))
+        answer_about(&self.scene, out, &Account::of(&plan), self.json, |_, out| for_people(&plan, out))
     }
 }
 

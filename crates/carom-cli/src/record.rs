@@ -1,7 +1,7 @@
 //! Recordings for the Rerun viewer, with the feature `rerun`; without it, the options that ask for one are refused.
 
 use crate::error::CliError;
-use carom_sim::{Moment, Plan, Scene, Seen, StateError, Summary};
+use carom_sim::{Plan, Scene};
 use carom_study::Diagram;
 use carom_study::map_study::Study;
 use clap::Args;
@@ -36,7 +36,7 @@ impl Record {
         self.out = file.map(Path::to_owned);
         if let (Some(file), true) = (file, self.connect.is_some() || self.spawn) {
             let why = "a recording has one destination: leave out --connect and --spawn, or this file";
-            return Err(CliError::Option(format!("--out {}: {why}", file.display())));
+            return Err(CliError::Input(format!("--out {}: {why}", file.display())));
         }
         if self.is_asked() && !cfg!(feature = "rerun") {
             Err(without("--out, --connect and --spawn need"))
@@ -80,7 +80,7 @@ pub fn record_diagrams(asked: &Record, _: &Diagram<2>, _: Option<&Diagram<3>>, _
 
 /// The refusal in a build without recordings; `who` ends in its verb.
 fn without(who: &str) -> CliError {
-    CliError::Option(format!("{who} recordings: build carom with the feature rerun"))
+    CliError::Input(format!("{who} recordings: build carom with the feature rerun"))
 }
 
 /// Refuses the recording of a map in a build without the feature `rerun`.
@@ -114,26 +114,18 @@ pub fn record_map(_: &Study, _: &str, path: &Path) -> Result<(), CliError> {
 
 /// A recording that is being written.
 #[cfg(feature = "rerun")]
-pub struct Recorder(carom_record::SceneRecorder);
+pub use carom_record::SceneRecorder as Recorder;
 
+/// Begins the recording of a scene, if one is asked for.
 #[cfg(feature = "rerun")]
-impl Recorder {
-    pub fn begin(asked: &Record, scene: &Scene, plan: &Plan) -> Result<Option<Self>, CliError> {
-        let Some(target) = asked.target() else { return Ok(None) };
-        Ok(Some(Self(carom_record::SceneRecorder::begin(&target, scene, plan)?)))
-    }
+pub fn begin_recording(asked: &Record, scene: &Scene, plan: &Plan) -> Result<Option<Recorder>, CliError> {
+    Ok(asked.target().map(|target| Recorder::begin(&target, scene, plan)).transpose()?)
+}
 
-    pub fn see(&mut self, seen: Seen) {
-        self.0.see(seen);
-    }
-
-    pub fn errors(&mut self, moments: &[Moment], errors: &[Option<StateError>]) {
-        self.0.errors(moments, errors);
-    }
-
-    pub fn finish(self, run: &Summary) -> Result<(), CliError> {
-        Ok(self.0.finish(run)?)
-    }
+/// Refuses: this build has no recordings.
+#[cfg(not(feature = "rerun"))]
+pub fn begin_recording(asked: &Record, _: &Scene, _: &Plan) -> Result<Option<Recorder>, CliError> {
+    if asked.is_asked() { Err(without("--out, --connect and --spawn need")) } else { Ok(None) }
 }
 
 /// No recording exists in this build.
@@ -142,19 +134,15 @@ pub enum Recorder {}
 
 #[cfg(not(feature = "rerun"))]
 impl Recorder {
-    pub fn begin(asked: &Record, _: &Scene, _: &Plan) -> Result<Option<Self>, CliError> {
-        if asked.is_asked() { Err(without("--out, --connect and --spawn need")) } else { Ok(None) }
-    }
-
-    pub fn see(&mut self, _: Seen) {
+    pub fn see(&mut self, _: carom_sim::Seen) {
         match *self {}
     }
 
-    pub fn errors(&mut self, _: &[Moment], _: &[Option<StateError>]) {
+    pub fn errors(&mut self, _: &[carom_sim::Moment], _: &[Option<carom_sim::StateError>]) {
         match *self {}
     }
 
-    pub fn finish(self, _: &Summary) -> Result<(), CliError> {
+    pub fn finish(self, _: &carom_sim::Summary) -> Result<(), CliError> {
         match self {}
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::error::CliError;
 use crate::files::Outputs;
-use crate::output::{progress, say};
+use crate::output::{Bar, say};
 use carom_study::{RowFile, Written};
 use clap::Args;
 use std::ops::Range;
@@ -41,27 +41,27 @@ impl RowOptions {
     /// The one table of the outputs.
     ///
     /// # Errors
-    /// [`CliError::Option`]: several tables, a table on standard output, options that do not fit the outputs.
+    /// [`CliError::Input`]: several tables, a table on standard output, options that do not fit the outputs.
     pub fn table<'f>(&self, files: &'f Outputs) -> Result<Option<&'f Path>, CliError> {
         let table = match files.tables.as_slice() {
             [] => None,
             [one] if one == Path::new("-") => {
                 let why = "--out -: the table can be resumed from its file: give the name of a table, .csv or .parquet";
-                return Err(CliError::Option(why.into()));
+                return Err(CliError::Input(why.into()));
             }
             [one] => Some(one.as_path()),
             [one, other, ..] => {
                 let (one, other) = (one.display(), other.display());
-                return Err(CliError::Option(format!("--out {other}: --out {one} is a table too: give one")));
+                return Err(CliError::Input(format!("--out {other}: --out {one} is a table too: give one")));
             }
         };
         if self.shard.is_some() && (files.picture.is_some() || files.recording.is_some()) {
             let why = "--shard: a picture and a recording are of the whole table: give tables only, or no --shard";
-            return Err(CliError::Option(why.into()));
+            return Err(CliError::Input(why.into()));
         }
         if table.is_none() && (self.shard.is_some() || self.resume) {
             let option = if self.resume { "--resume" } else { "--shard" };
-            return Err(CliError::Option(format!("{option} is for a table: give --out X.csv or --out X.parquet")));
+            return Err(CliError::Input(format!("{option} is for a table: give --out X.csv or --out X.parquet")));
         }
         Ok(table)
     }
@@ -69,11 +69,11 @@ impl RowOptions {
     /// The threads.
     ///
     /// # Errors
-    /// [`CliError::Option`] if they cannot be made.
+    /// [`CliError::Input`] if they cannot be made.
     pub fn pool(&self) -> Result<rayon::ThreadPool, CliError> {
         let threads = self.threads.unwrap_or(0); // 0: as many as there are cores
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build();
-        pool.map_err(|e| CliError::Option(format!("--threads: {e}")))
+        pool.map_err(|e| CliError::Input(format!("--threads: {e}")))
     }
 
     /// Numbers of the rows that are asked for, of so many; `shard` gives those of a part.
@@ -92,6 +92,9 @@ impl RowOptions {
         write: impl FnOnce(&RowFile, &(dyn Fn(u64) + Sync), &AtomicBool) -> Result<Written, E> + Send,
     ) -> Result<(), CliError> {
         let total = rows.end - rows.start;
+        if let (Some((part, parts)), 0) = (self.shard, total) {
+            say(&format!("warning: --shard {part}/{parts}: it has no row, there are fewer rows than parts"));
+        }
         let file = RowFile { path: path.to_owned(), rows, resume: self.resume };
         let left = file.partial();
         if !self.resume && left.exists() {
@@ -100,9 +103,8 @@ impl RowOptions {
                 left.display()
             ));
         }
-        let bar = progress(total, "{bar:40} {human_pos}/{human_len} rows, {per_sec}, {eta} left");
+        let bar = Bar::new(Some(total), "{bar:40} {human_pos}/{human_len} rows, {per_sec}, {eta} left");
         let written = pool.install(|| write(&file, &|rows| bar.inc(rows), stop));
-        bar.finish_and_clear();
         match written.map_err(Into::into)? {
             Written::Whole => Ok(()),
             Written::Interrupted { rows, partial } => Err(CliError::Interrupted { rows, total, partial }),

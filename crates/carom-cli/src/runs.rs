@@ -2,7 +2,7 @@
 
 use crate::error::CliError;
 use crate::files;
-use crate::output::{answer, brief, progress, say, short};
+use crate::output::{Bar, answer_about, brief, say, short};
 use crate::rows::RowOptions;
 use carom_sim::{Plan, Scene, SimError};
 use carom_study::{Covariance, Ensemble, PredictedTime, Runs, Spread};
@@ -37,7 +37,7 @@ pub fn run((file, scene, plan): (&Path, &Scene, &Plan), asked: &Asked, out: &mut
     let Asked { runs, rows: options, table, covariance, json } = *asked;
     let refuse = |error| match error {
         SimError::Scene { file: unnamed, rule } if unnamed.is_empty() => {
-            CliError::Scene(format!("{}: --runs: {rule}", file.display()))
+            CliError::Input(format!("{}: --runs: {rule}", file.display()))
         }
         other => CliError::scene(file, other),
     };
@@ -50,9 +50,8 @@ pub fn run((file, scene, plan): (&Path, &Scene, &Plan), asked: &Asked, out: &mut
             options.write((path, rows), (&pool, &stop), |file, count, stop| ensemble.write(file, count, stop))
         }
         None => {
-            let bar = progress(total, "{elapsed:>5} {bar:30} {pos}/{len} runs, {eta} to go");
+            let bar = Bar::new(Some(total), "{elapsed:>5} {bar:30} {pos}/{len} runs, {eta} to go");
             pool.install(|| ensemble.rows(rows, &stop, |_| bar.inc(1)));
-            bar.finish_and_clear();
             let count = ensemble.spread().runs;
             if count < total { Err(CliError::InterruptedRuns { count, runs: total }) } else { Ok(()) }
         }
@@ -71,13 +70,12 @@ pub fn run((file, scene, plan): (&Path, &Scene, &Plan), asked: &Asked, out: &mut
     // A table has their rows.
     if table.is_none() && spread.impacts.is_none() {
         let why = spread.first_refusal.unwrap_or_default();
-        return Err(CliError::Scene(format!("{}: all runs are refused; {why}", file.display())));
+        return Err(CliError::Input(format!("{}: all runs are refused; {why}", file.display())));
     }
     let covariance = covariance.then(|| ensemble.covariance()).transpose();
-    let covariance = covariance.map_err(|e| CliError::Scene(format!("{}: --covariance: {e}", file.display())))?;
+    let covariance = covariance.map_err(|e| CliError::Input(format!("{}: --covariance: {e}", file.display())))?;
     let report = Report { resumed: there - spread.runs, runs: spread, covariance };
-    let written = answer(out, &report, json, for_people);
-    written.map_err(|refused| CliError::refused(file, refused))?;
+    answer_about(file, out, &report, json, for_people)?;
     if let (Some(why), None) = (&report.runs.first_refusal, &report.runs.impacts) {
         say(&format!("warning: {}: all runs are refused; {why}", file.display()));
     }

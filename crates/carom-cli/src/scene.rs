@@ -2,7 +2,7 @@
 
 use crate::error::CliError;
 use crate::input::tell;
-use crate::output::say;
+use crate::output::warn;
 use carom_sim::Scene;
 use std::path::Path;
 
@@ -16,8 +16,6 @@ pub fn load(file: &Path) -> Result<Scene, CliError> {
         _ => format!("robot '{}'", chain.name()),
     };
     tell(&format!("{}: {robot}", file.display()), chain);
-    for warning in &scene.warnings {
-        say(&format!("warning: {}: {warning}", file.display()));
-    }
+    warn(file, &scene.warnings);
     Ok(scene)
 }

@@ -31,7 +31,7 @@ struct Row {
 pub fn check(file: &Path, plan: &Plan) -> Result<(), CliError> {
     if plan.simulation.stepping {
         let why = "--sensitivity: time steps have no derivative: take method = \"events\" in [run]";
-        return Err(CliError::Scene(format!("{}: {why}", file.display())));
+        return Err(CliError::Input(format!("{}: {why}", file.display())));
     }
     Ok(())
 }

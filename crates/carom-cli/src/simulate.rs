@@ -4,8 +4,8 @@ use crate::error::CliError;
 use crate::files::{self, Kind, Outputs};
 use crate::from_state;
 use crate::impact::loads_for_people;
-use crate::output::{Printed, answer, say, short};
-use crate::record::{Record, Recorder};
+use crate::output::{Printed, answer_about, short, warn};
+use crate::record::{Record, begin_recording};
 use crate::rows::RowOptions;
 use crate::run_error;
 use crate::runs;
@@ -228,7 +228,7 @@ impl Simulate {
             let why = format!(
                 "{option} is part of the answer, which a table on standard output replaces: give the table a file"
             );
-            return Err(CliError::Option(why));
+            return Err(CliError::Input(why));
         }
         let files = named.map(|(option, path)| (option, path.filter(|path| *path != Path::new("-"))));
         let written = [&outputs.files()[..], &files].concat();
@@ -238,19 +238,19 @@ impl Simulate {
             if self.covariance && runs < 2 {
                 let why =
                     "--covariance: run 0 is without disturbance, the runs from 1 on have it: give --runs 2 or more";
-                return Err(CliError::Option(why.into()));
+                return Err(CliError::Input(why.into()));
             }
             let others = named.iter().any(|(_, path)| path.is_some());
             if others || self.record.is_asked() || tables.len() > 1 {
                 let why =
                     "--runs: write one table, with --out, without --contacts, --events, --joint-loads and recordings";
-                return Err(CliError::Option(why.into()));
+                return Err(CliError::Input(why.into()));
             }
             if let Some(option) = self.rows.given().filter(|_| printed.is_asked()) {
                 let why = format!(
                     "{option}: a table on standard output has no parts: give the name of a table, .csv or .parquet"
                 );
-                return Err(CliError::Option(why));
+                return Err(CliError::Input(why));
             }
             let ToAccuracy { scene, plan, .. } = scene.to_accuracy().map_err(refuse)?;
             let table = tables.first().copied();
@@ -260,7 +260,7 @@ impl Simulate {
             return if ran.is_ok() { printed.print(out) } else { printed.keep(ran) };
         }
         if let Some(option) = self.rows.given() {
-            return Err(CliError::Option(format!("{option} is for the rows of --runs: leave it out")));
+            return Err(CliError::Input(format!("{option} is for the rows of --runs: leave it out")));
         }
         files::clear_when_interrupted();
         let ToAccuracy { scene, plan, met } = scene.to_accuracy().map_err(refuse)?;
@@ -279,7 +279,7 @@ impl Simulate {
         let mut contacts = Tables::begin(contacts.map(|path| printed.place(path)), &contact_columns(sim), &scene.text)?;
         let mut joint_loads =
             Tables::begin(joint_loads.map(|path| printed.place(path)), &load_columns(&sim.chain), &scene.text)?;
-        let mut recorder = Recorder::begin(&self.record, &scene, &plan)?;
+        let mut recorder = begin_recording(&self.record, &scene, &plan)?;
         let sampled = [&states, &contacts].iter().any(|it| !it.tables.is_empty()) || recorder.is_some();
         let every = sampled.then(|| scene.sample.unwrap_or(SAMPLE));
         let mut events = Vec::new();
@@ -327,9 +327,7 @@ impl Simulate {
             }
         }
         let without_loads = if loads { run.missing_loads(sim) } else { Vec::new() };
-        for warning in run.warnings().into_iter().chain(without_loads) {
-            say(&format!("warning: {}: {warning}", self.scene.display()));
-        }
+        warn(&self.scene, run.warnings().into_iter().chain(without_loads));
         let derivatives = self.sensitivity.then(|| Sensitivity::of(&scene, &plan, &self.wrt));
         let derivatives = derivatives.transpose().map_err(refuse)?;
         states.finish()?;
@@ -352,13 +350,12 @@ impl Simulate {
             return printed.print(out);
         }
         let whole = Answer { run: named, accuracy: met.as_ref(), error, sensitivity: derivatives };
-        let written = answer(out, &whole, self.json, |whole, out| {
+        answer_about(&self.scene, out, &whole, self.json, |whole, out| {
             for_people(&whole.run.events, &run, out)?;
             whole.accuracy.map_or(Ok(()), |met| run_error::accuracy(met, out))?;
             whole.error.as_ref().map_or(Ok(()), |error| run_error::for_people(error, out))?;
             whole.sensitivity.as_ref().map_or(Ok(()), |derivatives| derivatives.for_people(out))
-        });
-        written.map_err(|refused| CliError::refused(&self.scene, refused))
+        })
     }
 }
 

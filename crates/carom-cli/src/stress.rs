@@ -4,7 +4,7 @@
 
 use crate::error::CliError;
 use crate::files;
-use crate::output::{make_folder, progress, to_json, write_whole};
+use crate::output::{Bar, make_folder, to_json, write_whole};
 use carom_evidence::stress::{Table, names};
 use clap::Args;
 use std::io::Write;
@@ -46,17 +46,17 @@ impl StressCommand {
         if scenes.is_empty() {
             let (text, names) = (self.scene.unwrap_or_default(), names().collect::<Vec<_>>().join(", "));
             let rule = format!("no name of a scene contains it: the scenes are {names}");
-            return Err(CliError::Option(format!("--scene {text}: {rule}")));
+            return Err(CliError::Input(format!("--scene {text}: {rule}")));
         }
         files::check_folder("--out", &self.out)?;
         files::check_own("--out", &self.out, &FILES)?;
         make_folder(&self.out)?;
-        let bar = progress(scenes.len() as u64, "{elapsed:>5} {bar:30} {pos}/{len} {msg}");
+        let bar = Bar::new(Some(scenes.len() as u64), "{elapsed:>5} {bar:30} {pos}/{len} {msg}");
         let table = Table::of(&scenes, &|name| {
             bar.set_message(name.to_owned());
             bar.inc(1);
         });
-        bar.finish_and_clear();
+        drop(bar);
         let json = to_json(&table)?;
         let contents = [table.markdown(), table.svg(), format!("{json}\n")];
         FILES.iter().zip(&contents).try_for_each(|(name, text)| write_whole(&self.out.join(name), text))?;
@@ -70,6 +70,7 @@ impl StressCommand {
         if cells.is_empty() {
             return Ok(());
         }
-        Err(CliError::Defects { count: cells.len(), cells: cells.join(", ") })
+        let (count, cells) = (cells.len(), cells.join(", "));
+        Err(CliError::Input(format!("{count} cells are defects, see the notes in stress.md: {cells}")))
     }
 }

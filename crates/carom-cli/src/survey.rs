@@ -52,7 +52,7 @@ pub fn survey(folder: &Path, options: &LoadOptions, json: bool, out: &mut dyn Wr
     let mut files = Vec::new();
     find(folder, &mut files)?;
     if files.is_empty() {
-        return Err(CliError::Option(format!("--all {}: the folder contains no .urdf file", folder.display())));
+        return Err(CliError::Input(format!("--all {}: the folder contains no .urdf file", folder.display())));
     }
     let mut counts = Counts::default();
     for file in &files {
@@ -73,7 +73,7 @@ pub fn survey(folder: &Path, options: &LoadOptions, json: bool, out: &mut dyn Wr
 
 /// The URDF files in a folder and the folders in it, sorted. Links to folders are not followed, so there are no loops.
 fn find(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), CliError> {
-    let unreadable = |reason| CliError::Unreadable { file: folder.display().to_string(), reason };
+    let unreadable = |e| CliError::unreadable(folder.display(), &e);
     let mut entries =
         std::fs::read_dir(folder).map_err(unreadable)?.collect::<Result<Vec<_>, _>>().map_err(unreadable)?;
     entries.sort_by_key(std::fs::DirEntry::file_name);

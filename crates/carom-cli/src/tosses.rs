@@ -3,7 +3,7 @@
 use crate::error::CliError;
 use crate::input::{LoadArgs, check_coefficients, tell, within};
 use crate::law::{laws, tangential};
-use crate::output::{answer, short};
+use crate::output::{answer_about, short};
 use carom_impact::Coefficients;
 use carom_sim::{ContactLaw, ContactRule};
 use carom_study::{RollOutOptions, Start, TossError, TossReport, Tosses};
@@ -79,8 +79,8 @@ impl TossesCommand {
         {
             within(option, x, f64::MIN_POSITIVE..=f64::MAX, "it must be positive and finite")?;
         }
-        let refuse = |e: TossError| CliError::Scene(e.to_string());
-        let options = self.load.options(true);
+        let refuse = |e: TossError| CliError::Input(e.to_string());
+        let options = self.load.options(true)?;
         let tosses = Tosses::read(&self.folder, self.robot.as_deref(), &options).map_err(refuse)?;
         tell(&self.folder.display().to_string(), &tosses.chain);
         let law = ContactLaw::named(&self.law, Coefficients { restitution, tangential_restitution, friction });
@@ -93,8 +93,8 @@ impl TossesCommand {
             ..RollOutOptions::default()
         };
         let report = tosses.report(&rule, &roll);
-        let report = report.map_err(|e| CliError::Scene(format!("{}: {e}", self.folder.display())))?;
-        answer(out, &report, self.json, for_people).map_err(|refused| CliError::refused(&self.folder, refused))
+        let report = report.map_err(|e| CliError::Input(format!("{}: {e}", self.folder.display())))?;
+        answer_about(&self.folder, out, &report, self.json, for_people)
     }
 }
 
@@ -117,29 +117,19 @@ fn for_people(report: &TossReport, out: &mut dyn Write) -> io::Result<()> {
         writeln!(out, "  {failure}")?;
     }
     let degrees = |x: f64| short(x.to_degrees());
-    writeln!(out, "{:26} {:>12} {:>12} {:>12}", "error of the pose", "position m", "rotation °", "joint °")?;
+    let mut row = |name: &str, [a, b, c]: [&str; 3]| writeln!(out, "{name:26} {a:>12} {b:>12} {c:>12}");
+    row("error of the pose", ["position m", "rotation °", "joint °"])?;
     for (name, s) in [("at the last sample", &report.last), ("mean over the samples", &report.mean)] {
-        writeln!(
-            out,
-            "{:26} {:>12} {:>12} {:>12}",
-            format!("{name}, mean"),
-            short(s.position_mean),
-            degrees(s.rotation_mean),
-            degrees(s.joint_mean)
-        )?;
-        writeln!(
-            out,
-            "{:26} {:>12} {:>12} {:>12}",
-            format!("{name}, median"),
-            short(s.position_median),
-            degrees(s.rotation_median),
-            degrees(s.joint_median)
-        )?;
+        let mut errors = |kind: &str, position: f64, rotation: f64, joint: f64| {
+            row(&format!("{name}, {kind}"), [&short(position), &degrees(rotation), &degrees(joint)])
+        };
+        errors("mean", s.position_mean, s.rotation_mean, s.joint_mean)?;
+        errors("median", s.position_median, s.rotation_median, s.joint_median)?;
     }
-    writeln!(out, "{:26} {:>12} {:>12} {:>12}", "pose error", "mean", "median", "below 0.5")?;
+    row("pose error", ["mean", "median", "below 0.5"])?;
     for (name, measure) in [("whole toss", Some(&report.whole)), ("0.1 s past first impact", report.early.as_ref())] {
         let Some(m) = measure else { continue };
-        writeln!(out, "{name:26} {:>12} {:>12} {:>12}", short(m.mean), short(m.median), short(m.below_half))?;
+        row(name, [&short(m.mean), &short(m.median), &short(m.below_half)])?;
     }
     Ok(())
 }

@@ -2,17 +2,15 @@
 //! targets.
 #![cfg(unix)]
 
-use carom_testing::files::Folder;
+use carom_testing::files::{Folder, ROOT, path, text};
 use pulldown_cmark::{CodeBlockKind, Event, HeadingLevel, Options, Parser, Tag, TagEnd};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-
 /// The Markdown files of a folder of the repository, in order of their names.
 fn markdown(folder: &str) -> Vec<PathBuf> {
-    let mut pages: Vec<_> = std::fs::read_dir(Path::new(ROOT).join(folder))
+    let mut pages: Vec<_> = std::fs::read_dir(path(folder))
         .unwrap()
         .map(|entry| entry.unwrap().path())
         .filter(|path| path.extension().is_some_and(|extension| extension == "md"))
@@ -217,9 +215,9 @@ fn every_link_has_a_target() {
 /// A page must be in the summary to be built, and its Rust must be included in the façade crate to be tested.
 #[test]
 fn every_page_is_in_the_summary_and_its_rust_is_compiled() {
-    let summary = std::fs::read_to_string(Path::new(ROOT).join("book/src/SUMMARY.md")).unwrap();
+    let summary = text("book/src/SUMMARY.md");
     let linked: HashSet<String> = links_and_anchors(&summary).0.into_iter().collect();
-    let facade = std::fs::read_to_string(Path::new(ROOT).join("crates/carom/src/lib.rs")).unwrap();
+    let facade = text("crates/carom/src/lib.rs");
     for page in markdown("book/src") {
         let name = page.file_name().unwrap().to_str().unwrap();
         assert!(name == "SUMMARY.md" || linked.contains(name), "{name} is missing from SUMMARY.md");
@@ -232,18 +230,17 @@ fn every_page_is_in_the_summary_and_its_rust_is_compiled() {
 /// The lists of robots and scenes on the pages, and that of `robots/README.md`, are those of the folders.
 #[test]
 fn every_robot_and_scene_is_listed() {
-    let read = |file: &str| std::fs::read_to_string(Path::new(ROOT).join(file)).unwrap();
     for (folder, ending, lists) in [
         ("robots", "urdf", [("book/src/task-dynamics.md", "`robots/NAME`"), ("robots/README.md", "`NAME`")].as_slice()),
         ("scenes", "toml", [("book/src/task-simulate.md", "`scenes/NAME`")].as_slice()),
     ] {
-        let files = std::fs::read_dir(Path::new(ROOT).join(folder)).unwrap().map(|entry| entry.unwrap().path());
+        let files = std::fs::read_dir(path(folder)).unwrap().map(|entry| entry.unwrap().path());
         let mut found = 0;
         for file in files.filter(|path| path.extension().is_some_and(|own| own == ending)) {
             found += 1;
             let name = file.file_name().unwrap().to_str().unwrap();
             for (page, listed) in lists {
-                assert!(read(page).contains(&listed.replace("NAME", name)), "{page} does not list {folder}/{name}");
+                assert!(text(page).contains(&listed.replace("NAME", name)), "{page} does not list {folder}/{name}");
             }
         }
         assert!(found > 10, "only {found} files in {folder}");

@@ -1,13 +1,12 @@
 //! Tests of `carom map` as a process: rows that agree with `carom impact`, refusals that name file, key, value and rule, and
 //! interruptions.
 
-use crate::command_line::desk::{Desk, Ran, finish, refused};
+use crate::command_line::desk::{Desk, Ran, refused};
+use carom_testing::files::page;
 use serde_json::json;
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
-
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 impl Desk {
     fn study(&self, change: impl Fn(&str) -> String) {
@@ -53,7 +52,7 @@ fn rows_of_a_map_agree_with_carom_impact() {
     desk.study(str::to_owned);
     let summary = desk.one("map s.toml --out m.csv --json");
     assert_eq!((&summary["rows"], &summary["out"]), (&json!(84), &json!("m.csv")));
-    let text = std::fs::read_to_string(desk.0.join("m.csv")).unwrap();
+    let text = desk.read("m.csv");
     let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let header = lines.next().unwrap();
     assert_eq!(header[..4], ["q.shoulder", "q.elbow", "approach_deg", "class"]);
@@ -150,26 +149,18 @@ fn an_interrupted_map_is_resumed_to_the_same_bytes() {
     // The map has eight groups of rows; the first is written while the third is computed, so the interruption comes early.
     desk.study(|text| text.replace("count = 7", "count = 512").replace("count = 6", "count = 512"));
     for name in ["m.parquet", "m.csv"] {
-        let mut child = desk.command(&format!("map s.toml --out {name} --threads 1")).spawn().unwrap();
-        let part = desk.0.join(format!("{name}.part"));
-        // wait for the first bytes
-        while std::fs::metadata(&part).map_or(true, |m| m.len() < 10_000) {
-            assert!(child.try_wait().unwrap().is_none(), "it ended before it was interrupted");
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-        assert!(kill.success());
-        let Ran { code, err: said, .. } = finish(child, b"");
+        let args = format!("map s.toml --out {name} --threads 1");
+        let Ran { code, err: said, .. } = desk.interrupted(&args, name, 10_000, Duration::ZERO);
         assert_eq!(code, Some(1), "{said}");
         let partial = name.replace("m.", "m.partial.");
         assert!(said.starts_with("error: interrupted after ") && said.contains(&partial), "{said}");
-        assert!(!desk.0.join(name).exists() && !part.exists());
+        assert!(!desk.files("").iter().any(|file| file == name || file.ends_with(".part")));
         let resumed = desk.run(&format!("map s.toml --out {name} --resume"));
         assert_eq!(resumed.code, Some(0), "{resumed:?}");
-        let bytes = std::fs::read(desk.0.join(name)).unwrap();
+        let bytes = std::fs::read(desk.join(name)).unwrap();
         assert!(desk.run(&format!("map s.toml --out {name} --threads 2")).code == Some(0));
-        assert!(bytes == std::fs::read(desk.0.join(name)).unwrap(), "{name}");
-        assert!(!desk.0.join(partial).exists());
+        assert!(bytes == std::fs::read(desk.join(name)).unwrap(), "{name}");
+        assert!(!desk.join(partial).exists());
     }
 }
 
@@ -180,10 +171,10 @@ fn an_interrupted_map_is_resumed_to_the_same_bytes() {
 fn parts_made_by_the_recipes_of_the_book_are_the_whole_map() {
     let desk = Desk::new();
     desk.study(|text| text.replace("count = 7", "count = 40"));
-    std::fs::rename(desk.0.join("s.toml"), desk.0.join("study.toml")).unwrap();
+    std::fs::rename(desk.join("s.toml"), desk.join("study.toml")).unwrap();
     assert!(desk.run("map study.toml --out whole.csv").code == Some(0));
-    let whole = std::fs::read_to_string(desk.0.join("whole.csv")).unwrap();
-    let book = std::fs::read_to_string(format!("{ROOT}/book/src/task-impact-maps.md")).unwrap();
+    let whole = desk.read("whole.csv");
+    let book = page("task-impact-maps.md");
     let recipe = |holds: &str| {
         let block = book.split("```").find(|block| block.starts_with("sh,ignore\n") && block.contains(holds));
         let text =
@@ -206,10 +197,10 @@ fn parts_made_by_the_recipes_of_the_book_are_the_whole_map() {
     let joined = || {
         let mut joined = String::new();
         for part in 1..=4 {
-            let text = std::fs::read_to_string(desk.0.join(format!("parts/{part}.csv"))).unwrap();
+            let text = desk.read(&format!("parts/{part}.csv"));
             joined += if part == 1 { &text } else { text.split_once('\n').unwrap().1 };
         }
-        std::fs::remove_dir_all(desk.0.join("parts")).unwrap();
+        std::fs::remove_dir_all(desk.join("parts")).unwrap();
         joined
     };
 
@@ -221,7 +212,7 @@ fn parts_made_by_the_recipes_of_the_book_are_the_whole_map() {
     assert!(joined() == whole, "GNU parallel");
 
     let array = recipe("#SBATCH --array");
-    std::fs::create_dir(desk.0.join("parts")).unwrap();
+    std::fs::create_dir(desk.join("parts")).unwrap();
     for task in ["1", "2", "3", "4"] {
         shell(&array, &[("SLURM_ARRAY_TASK_ID", task), ("SLURM_CPUS_PER_TASK", "2")]);
     }
@@ -239,8 +230,8 @@ fn a_map_that_does_not_fit_on_the_disk_is_resumed_to_the_same_bytes() {
         let count = format!("count = {count}");
         desk.study(|text| text.replace("count = 7", &count).replace("count = 6", &count));
         assert!(desk.run(&format!("map s.toml --out {name}")).code == Some(0));
-        let whole = std::fs::read(desk.0.join(name)).unwrap();
-        std::fs::remove_file(desk.0.join(name)).unwrap();
+        let whole = std::fs::read(desk.join(name)).unwrap();
+        std::fs::remove_file(desk.join(name)).unwrap();
         let partial = name.replace("m.", "m.partial.");
         let mut kept = 0;
         // In the midst of the rows, twice, and at their end, in the footer of a Parquet file. The unit of the limit is 512 bytes.
@@ -265,8 +256,17 @@ fn a_map_that_does_not_fit_on_the_disk_is_resumed_to_the_same_bytes() {
         }
         let resumed = desk.run(&format!("map s.toml --out {name} --resume"));
         assert_eq!(resumed.code, Some(0), "{resumed:?}");
-        assert!(whole == std::fs::read(desk.0.join(name)).unwrap(), "{name}");
-        std::fs::remove_file(desk.0.join(name)).unwrap();
-        assert!(!desk.0.join(partial).exists());
+        assert!(whole == std::fs::read(desk.join(name)).unwrap(), "{name}");
+        std::fs::remove_file(desk.join(name)).unwrap();
+        assert!(!desk.join(partial).exists());
     }
+}
+
+#[test]
+fn a_column_is_shown_where_there_is_a_picture_or_a_recording() {
+    let desk = Desk::new();
+    desk.study(str::to_owned);
+    let message = "--show impulse: nothing is drawn or recorded: give --out a name that ends in .svg or .rrd";
+    desk.refused("map s.toml --out x.csv --show impulse", message);
+    assert_eq!(desk.files("").iter().filter(|name| name.starts_with("x.")).count(), 0);
 }

@@ -1,34 +1,20 @@
 //! The book's pages on output files and commands name what real runs write.
 #![cfg(unix)]
 
-use carom_testing::files::{Folder, named, page};
+use crate::command_line::desk::Desk;
+use carom_testing::files::{named, page, path, text};
 use serde_json::Value;
 use std::collections::BTreeSet;
-use std::io::Write;
 use std::path::Path;
-use std::process::{Command, Stdio};
 
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-
-/// A folder in which the presets are found, as in the root of the repository.
-fn folder() -> Folder {
-    let desk = Folder::new();
-    desk.link(&["robots", "scenes", "studies", "docs"]);
-    desk
+/// What `carom` answers to lines on standard input.
+fn feed(desk: &Desk, args: &str, input: &str) -> String {
+    let ran = desk.feed(args, input);
+    assert_eq!(ran.code, Some(0), "carom {args}: {}", ran.err);
+    ran.out
 }
 
-/// Runs `carom` with lines on standard input.
-fn feed(desk: &Path, args: &str, input: &str) -> String {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_carom"));
-    command.args(args.split_whitespace()).current_dir(desk);
-    let mut ran = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    ran.stdin.take().unwrap().write_all(input.as_bytes()).unwrap();
-    let ran = ran.wait_with_output().unwrap();
-    assert!(ran.status.success(), "carom {args}: {}", String::from_utf8_lossy(&ran.stderr));
-    String::from_utf8(ran.stdout).unwrap()
-}
-
-fn carom(desk: &Path, args: &str) -> String {
+fn carom(desk: &Desk, args: &str) -> String {
     feed(desk, args, "")
 }
 
@@ -51,7 +37,7 @@ fn general(column: &str) -> String {
 
 #[test]
 fn columns_of_events_are_those_of_the_page() {
-    let (page, desk) = (page("reference-output.md"), folder());
+    let (page, desk) = (page("reference-output.md"), Desk::with_studies());
     carom(&desk, "simulate scenes/planar2.toml --error --events e.csv");
     let general = |column: &String| column.split_once('.').map_or(column.clone(), |(head, _)| format!("{head}.JOINT"));
     let seen: BTreeSet<String> = header(&desk.join("e.csv")).iter().map(general).collect();
@@ -60,7 +46,7 @@ fn columns_of_events_are_those_of_the_page() {
 
 #[test]
 fn columns_of_a_simulation_are_those_of_the_page() {
-    let (page, desk) = (page("reference-output.md"), folder());
+    let (page, desk) = (page("reference-output.md"), Desk::with_studies());
     let mut seen = BTreeSet::new();
     for scene in ["planar2", "bounce"] {
         carom(&desk, &format!("simulate scenes/{scene}.toml --loads --error --csv {scene}.csv"));
@@ -72,7 +58,7 @@ fn columns_of_a_simulation_are_those_of_the_page() {
 /// Studies in which each axis varies in turn, with every quantity of the page on study files.
 #[test]
 fn columns_of_a_map_are_those_of_the_pages() {
-    let (output, study, desk) = (page("reference-output.md"), page("reference-study.md"), folder());
+    let (output, study, desk) = (page("reference-output.md"), page("reference-study.md"), Desk::with_studies());
     let axes = named(&output, "## Map");
     let quantities = named(&study, "### `quantities`");
     let wanted = quantities.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
@@ -116,7 +102,7 @@ fn columns_of_a_map_are_those_of_the_pages() {
 
 #[test]
 fn columns_of_a_chart_and_of_the_paper_are_those_of_the_page() {
-    let (page, desk) = (page("reference-output.md"), folder());
+    let (page, desk) = (page("reference-output.md"), Desk::with_studies());
     carom(&desk, "chart scenes/planar2.toml --out chart.svg --budget 0.01");
     assert_eq!(header(&desk.join("chart.csv")), named(&page, "## Chart"));
     carom(&desk, "paper --out figures");
@@ -135,7 +121,7 @@ fn columns_of_a_chart_and_of_the_paper_are_those_of_the_page() {
 /// Every command stands on the page with the command that prints its help, which the book shows below it.
 #[test]
 fn help_of_every_command_is_on_the_page() {
-    let (page, desk) = (page("reference-cli.md"), folder());
+    let (page, desk) = (page("reference-cli.md"), Desk::with_studies());
     let general = carom(&desk, "--help");
     let commands = general.lines().skip_while(|line| *line != "Commands:").take_while(|line| *line != "Options:");
     let names: Vec<&str> = commands
@@ -152,11 +138,11 @@ fn help_of_every_command_is_on_the_page() {
 /// A page that names a test as `file::name`, or a source file alone.
 #[test]
 fn tests_named_on_the_page_exist() {
-    let page = std::fs::read_to_string(Path::new(ROOT).join("docs/tested.md")).unwrap();
+    let page = text("docs/tested.md");
     let (mut missing, mut named) = (Vec::new(), 0);
     for name in page.split('`').skip(1).step_by(2).filter(|name| name.contains(".rs")) {
         let (file, test) = name.split_once("::").unwrap_or((name, ""));
-        match std::fs::read_to_string(Path::new(ROOT).join(file)) {
+        match std::fs::read_to_string(path(file)) {
             Ok(text) if test.is_empty() || text.contains(&format!("fn {test}(")) => named += 1,
             Ok(_) => missing.push(format!("{file} has no fn {test}")),
             Err(_) => missing.push(format!("{file} does not exist")),
@@ -185,23 +171,21 @@ fn paths(value: &Value, at: &str, found: &mut BTreeSet<String>) {
 /// that is not optional has its key in an answer.
 #[test]
 fn keys_of_answers_are_those_of_the_page() {
-    let (page, desk) = (page("reference-cli.md"), folder());
+    let (page, desk) = (page("reference-cli.md"), Desk::with_studies());
     let state = r#"{"q":[0.7854,-1.5708],"qd":[-0.15,0.6],"tau":[0,0],"qdd":[0,0]}"#;
     let kane = r#"{"delassus":[[2.440338,1.521309],[1.521309,1.009560]],"u":[-0.267174,-0.134202]}"#;
     let jumps: String = (0..12)
         .map(|k| f64::from(k) * 0.1 + 0.5)
         .map(|u| format!("{{\"delassus\":[[1,0],[0,1]],\"u_minus\":[{u},-1],\"u_plus\":[{},0.5]}}\n", u - 0.3))
         .collect();
-    let scene = std::fs::read_to_string(desk.join("scenes/planar2.toml")).unwrap();
+    let scene = desk.read("scenes/planar2.toml");
     let scene = scene.replace("friction = 0.0", "friction = 0.1").replace("[run]", "[run]\nneglect = 0.5");
-    let ball = std::fs::read_to_string(desk.join("studies/atlas/ball.toml")).unwrap();
+    let ball = desk.read("studies/atlas/ball.toml");
     let ball = ball.replace("ball_scene.toml", "studies/atlas/ball_scene.toml").replace("points = 200", "points = 2");
-    std::fs::write(desk.join("small.toml"), ball).unwrap();
-    let arm = std::fs::read_to_string(desk.join("scenes/planar3.toml")).unwrap();
-    std::fs::write(desk.join("accurate.toml"), arm.replace("[run]", "[run]\naccuracy = 1e-6").replace("../", ""))
-        .unwrap();
-    std::fs::create_dir(desk.join("own")).unwrap();
-    std::fs::write(desk.join("own/scene.toml"), scene).unwrap();
+    desk.write("small.toml", ball);
+    let arm = desk.read("scenes/planar3.toml");
+    desk.write("accurate.toml", arm.replace("[run]", "[run]\naccuracy = 1e-6").replace("../", ""));
+    desk.write("own/scene.toml", scene);
     let robot = "robots/planar2.urdf --tip tip --states - --json";
     let strike = format!("impact {robot} --normal -1,0,0 --law energetic --restitution 0.35 --friction 0.2");
     let runs: [(&str, Vec<(String, &str)>); 15] = [

@@ -3,7 +3,7 @@
 use crate::error::ContactError;
 use crate::mesh::{Mesh, TRIANGLES, no_triangles};
 use crate::parry::Triangles;
-use crate::shape::{pose_of, solid};
+use crate::shape::solid;
 use crate::solid::Solid;
 use carom_chain::Spatial;
 use carom_chain::algebra::Pose;
@@ -157,5 +157,5 @@ fn finite(what: &'static str, value: Vector3<f64>) -> Result<(), ContactError> {
 fn finite_pose(pose: &Isometry3<f64>) -> Result<Pose<Spatial<f64>>, ContactError> {
     finite("position", pose.translation.vector)?;
     finite("rotation (i, j, k)", pose.rotation.imag())?;
-    Ok(pose_of(pose))
+    Ok((*pose).into())
 }

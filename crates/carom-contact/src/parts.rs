@@ -6,7 +6,7 @@
 use crate::hull::Hull;
 use crate::obstacle::{Obstacle, Surface};
 use crate::shape::LinkShape;
-use crate::solid::{RIM, Solid};
+use crate::solid::{Solid, rim};
 use carom_chain::Spatial;
 use carom_chain::algebra::Pose;
 use nalgebra::Vector3;
@@ -187,11 +187,8 @@ impl Parts {
             parts.rims.push(RimPart { centre, axis, radius });
             let bounds = Bounds::Disc { radius, length: 2.0 * half_length };
             parts.faces.push(FacePart { normal: axis, point: centre, bounds });
-            for k in 0..RIM {
-                let angle = k as f64 * std::f64::consts::TAU / RIM as f64;
-                let position = centre + Vector3::new(radius * angle.cos(), radius * angle.sin(), 0.0);
-                parts.corners.push(CornerPart { position, radius: 0.0, kind: CornerKind::OfRim(axis) });
-            }
+            let corner = |p| CornerPart { position: centre + p, radius: 0.0, kind: CornerKind::OfRim(axis) };
+            parts.corners.extend(rim(radius).map(corner));
         }
         parts
     }

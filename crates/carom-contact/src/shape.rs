@@ -7,7 +7,6 @@ use crate::solid::{Corner, Solid};
 use carom_chain::algebra::{Algebra, Pose};
 use carom_chain::urdf::{Collision, Shape};
 use carom_chain::{Chain, FrameId, Spatial};
-use nalgebra::Isometry3;
 
 /// A collision shape of a link.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,7 +69,7 @@ impl LinkShape {
     #[doc(hidden)]
     pub fn new(link: &str, frame: FrameId, collision: &Collision) -> Result<Self, ContactError> {
         let solid = solid(&format!("link '{link}'"), &collision.shape)?;
-        let origin = pose_of(&collision.origin);
+        let origin = collision.origin.into();
         Ok(Self { link: link.into(), name: collision.name.clone(), frame, origin, solid })
     }
 
@@ -135,8 +134,4 @@ pub(crate) fn solid(owner: &str, shape: &Shape) -> Result<Solid, ContactError> {
 fn positive(owner: &str, what: &'static str, value: f64) -> Result<(), ContactError> {
     let good = value > 0.0 && value.is_finite();
     if good { Ok(()) } else { Err(ContactError::Size { owner: owner.into(), what, value }) }
-}
-
-pub(crate) fn pose_of(isometry: &Isometry3<f64>) -> Pose<Spatial<f64>> {
-    Pose { rotation: isometry.rotation.to_rotation_matrix().into_inner(), translation: isometry.translation.vector }
 }

@@ -54,7 +54,13 @@ pub struct Corner {
 }
 
 /// Number of points that represent each rim of a cylinder in [`Solid::corners`].
-pub(crate) const RIM: usize = 8;
+const RIM: usize = 8;
+
+/// The points that represent a rim of a cylinder, about its centre, the first on +x.
+pub(crate) fn rim(radius: f64) -> impl Iterator<Item = Vector3<f64>> {
+    let angle = |k: usize| k as f64 * std::f64::consts::TAU / RIM as f64;
+    (0..RIM).map(angle).map(move |angle| Vector3::new(radius * angle.cos(), radius * angle.sin(), 0.0))
+}
 
 #[doc(hidden)]
 impl Solid {
@@ -112,11 +118,8 @@ impl Solid {
                 vec![end(-half_length), end(*half_length)]
             }
             Self::Cylinder { radius, half_length } => {
-                let at = |z: f64, k: usize| {
-                    let angle = k as f64 * std::f64::consts::TAU / RIM as f64;
-                    sharp(Vector3::new(radius * angle.cos(), radius * angle.sin(), z))
-                };
-                [-half_length, *half_length].into_iter().flat_map(|z| (0..RIM).map(move |k| at(z, k))).collect()
+                let at = |z: f64| rim(*radius).map(move |p| sharp(Vector3::new(p.x, p.y, z)));
+                [-half_length, *half_length].into_iter().flat_map(at).collect()
             }
             Self::Box { half } => {
                 let side = |bit: usize, h: f64| if bit == 0 { -h } else { h };

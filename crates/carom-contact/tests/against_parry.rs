@@ -68,7 +68,7 @@ fn compare(kinds: (&str, &str), spread: f64, tolerance: f64, turn: f64) {
     for _ in 0..1000 {
         let (a, b) = (body(kinds.0, &mut rng), body(kinds.1, &mut rng));
         let (at_a, at_b) = (isometry(&mut rng, spread), isometry(&mut rng, spread));
-        let ours: Gap = gap_between((&a, &pose(&at_a)), (&b, &pose(&at_b)));
+        let ours: Gap = gap_between((&a, &at_a.into()), (&b, &at_b.into()));
         let (distance, of_cores, normal) = parry_gap((&a, &at_a), (&b, &at_b));
         // Cores of lower dimension that intersect: parry's result is right for a point in a body, but not for crossing segments.
         if of_cores < 0.0 && kinds == ("capsule", "capsule") {
@@ -115,7 +115,7 @@ fn half_space_gap_of_every_body_equals_parrys() {
         for _ in 0..1000 {
             let (body, at) = (body(kind, &mut rng), isometry(&mut rng, 0.2));
             let (point, normal) = (vector(&mut rng, 0.2), unit(&mut rng));
-            let ours = gap(&body, &pose(&at), &half_space(point, normal));
+            let ours = gap(&body, &at.into(), &half_space(point, normal));
             let (shape, skin, turn) = core(body.solid());
             // The half-space first: in the other order parry's distance is wrong.
             let plane = Pose::from_parts(out(point), Rotation::IDENTITY);

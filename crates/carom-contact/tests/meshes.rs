@@ -33,8 +33,8 @@ fn gap_to_a_mesh_is_the_smallest_gap_to_one_of_its_triangles() {
                 let height = size + 3.0 * rng.f64();
                 let place = Vector3::new(8.0 * rng.f64() - 1.0, 8.0 * rng.f64() - 1.0, height);
                 let place = at * Isometry3::from_parts(place.into(), isometry(&mut rng, 1.0).rotation);
-                let whole = gap(body, &pose(&place), &ground).distance;
-                let least = parts.iter().map(|part| gap(body, &pose(&place), part).distance);
+                let whole = gap(body, &place.into(), &ground).distance;
+                let least = parts.iter().map(|part| gap(body, &place.into(), part).distance);
                 let least = least.fold(f64::INFINITY, f64::min);
                 assert!((whole - least).abs() < 1e-13, "size {size}, body {kind}: {whole} against {least}");
             }
@@ -51,8 +51,8 @@ fn sphere_centred_in_a_closed_box_mesh_has_the_gap_to_the_solid_box() {
         let inside = vector(&mut rng, 0.5).component_mul(&size);
         let place = at * Isometry3::translation(inside.x, inside.y, inside.z);
         let body = link_shape(Shape::Sphere { radius: 0.01 + 0.3 * rng.f64() });
-        let found = gap(&body, &pose(&place), &Obstacle::mesh(box_mesh(size), at).unwrap());
-        let exact = gap(&body, &pose(&place), &Obstacle::cuboid(at, size).unwrap());
+        let found = gap(&body, &place.into(), &Obstacle::mesh(box_mesh(size), at).unwrap());
+        let exact = gap(&body, &place.into(), &Obstacle::cuboid(at, size).unwrap());
         assert!((found.distance - exact.distance).abs() < 1e-13, "{found:?} against {exact:?}");
         assert!((found.normal - exact.normal).norm() < 1e-9, "{found:?} against {exact:?}");
         assert!((found.on_robot - exact.on_robot).norm() < 1e-9, "{found:?} against {exact:?}");
@@ -86,7 +86,7 @@ fn concave_faces_are_split_inside_their_outline() {
             let obstacle = Obstacle::mesh(mesh, Isometry3::identity()).unwrap();
             let ball = link_shape(Shape::Sphere { radius: 0.1 });
             // The nearest points are the two edges of the notch.
-            let found = gap(&ball, &pose(&Isometry3::translation(1.5, 1.5, 0.0)), &obstacle).distance;
+            let found = gap(&ball, &Isometry3::translation(1.5, 1.5, 0.0).into(), &obstacle).distance;
             assert!((found - 0.4).abs() < 1e-15, "corner {first}: {found}");
         }
     }
@@ -116,7 +116,7 @@ fn the_normal_at_a_face_of_a_mesh_has_all_its_digits_at_any_depth() {
             for height in [height, -height] {
                 let place = Vector3::new(x * size.x, y * size.y, size.z / 2.0 + height) - lowest;
                 let place = at * Isometry3::from_parts(place.into(), turned);
-                let found = gap_points(&body, &pose(&place), &mesh, 0.0)[0];
+                let found = gap_points(&body, &place.into(), &mesh, 0.0)[0];
                 let normal = at * Vector3::z();
                 // The place is rounded to some units in the last place of a number of size 2.
                 assert!((found.distance - height).abs() < 5e-15, "{found:?} at {height:e}");

@@ -41,7 +41,7 @@ fn nearest_points_of_separate_bodies_are_optimal() {
             for _ in 0..400 {
                 let (a, b) = (body(first, &mut rng), body(second, &mut rng));
                 let (at_a, at_b) = (isometry(&mut rng, 0.4), isometry(&mut rng, 0.4));
-                let found = gap_between((&a, &pose(&at_a)), (&b, &pose(&at_b)));
+                let found = gap_between((&a, &at_a.into()), (&b, &at_b.into()));
                 if found.distance <= 0.0 {
                     continue;
                 }
@@ -66,7 +66,7 @@ fn normal_of_an_overlap_has_the_greatest_separation() {
             for _ in 0..150 {
                 let (a, b) = (body(first, &mut rng), body(second, &mut rng));
                 let (at_a, at_b) = (isometry(&mut rng, 0.12), isometry(&mut rng, 0.12));
-                let found = gap_between((&a, &pose(&at_a)), (&b, &pose(&at_b)));
+                let found = gap_between((&a, &at_a.into()), (&b, &at_b.into()));
                 if found.distance >= 0.0 {
                     continue;
                 }
@@ -94,7 +94,7 @@ fn deepest_points_of_overlapping_bodies_are_extreme_along_the_normal() {
             for _ in 0..400 {
                 let (a, b) = (body(first, &mut rng), body(second, &mut rng));
                 let (at_a, at_b) = (isometry(&mut rng, 0.12), isometry(&mut rng, 0.12));
-                let found = gap_between((&a, &pose(&at_a)), (&b, &pose(&at_b)));
+                let found = gap_between((&a, &at_a.into()), (&b, &at_b.into()));
                 if found.distance >= 0.0 {
                     continue;
                 }
@@ -138,7 +138,7 @@ fn gap_is_proportional_to_a_common_scale_of_all_lengths() {
                 let (at_a, at_b) = (isometry(&mut rng, 0.2), isometry(&mut rng, 0.2));
                 let of = |k: f64| {
                     let (a, b) = (scaled(&a, k), scaled(&b, k));
-                    gap_between((&a, &pose(&moved(&at_a, k))), (&b, &pose(&moved(&at_b, k)))).distance / k
+                    gap_between((&a, &moved(&at_a, k).into()), (&b, &moved(&at_b, k).into())).distance / k
                 };
                 let one = of(1.0);
                 for power in [-20, 20, 60] {
@@ -170,14 +170,14 @@ fn translation_along_the_normal_changes_the_gap_by_the_same_amount() {
         for _ in 0..150 {
             for (which, obstacle) in obstacles(&mut rng).iter().enumerate() {
                 let (body, mut at) = (body(kind, &mut rng), isometry(&mut rng, 1.0));
-                let start = gap(&body, &pose(&at), obstacle);
+                let start = gap(&body, &at.into(), obstacle);
                 if start.distance < 0.01 {
                     continue;
                 }
                 for target in [0.1, 1e-3, 1e-5, 1e-6, 1e-8, 1e-12, 0.0, -1e-12, -1e-8, -1e-5, -1e-3] {
-                    let now = gap(&body, &pose(&at), obstacle).distance;
+                    let now = gap(&body, &at.into(), obstacle).distance;
                     at.translation.vector += start.normal * (target - now);
-                    let found = gap(&body, &pose(&at), obstacle);
+                    let found = gap(&body, &at.into(), obstacle);
                     let (off, turned) = (found.distance - target, (found.normal - start.normal).norm());
                     all += 1;
                     if turned < 1e-9 || (target >= 1e-6 && turned < 1e-4) {

@@ -14,9 +14,19 @@ pub use error::EvidenceError;
 pub mod chart;
 pub mod compare;
 pub mod consistency;
+mod drawing;
 mod line_chart;
 pub mod paper;
 pub mod stress;
+
+/// An interval after so many halvings, of which the part is kept at whose ends `is_low` differs: it is true at the lower one.
+pub(crate) fn halved([mut low, mut high]: [f64; 2], halvings: usize, is_low: impl Fn(f64) -> bool) -> [f64; 2] {
+    for _ in 0..halvings {
+        let middle = 0.5 * (low + high);
+        if is_low(middle) { low = middle } else { high = middle }
+    }
+    [low, high]
+}
 
 /// Enums whose values are written as their `name()`.
 macro_rules! serialised_by_name {

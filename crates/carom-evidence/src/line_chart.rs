@@ -1,6 +1,6 @@
 //! Line charts as SVG, with the legend beside the plot.
 
-use plotters::coord::Shift;
+use crate::drawing::{Area, Drawn, picture};
 use plotters::prelude::*;
 
 /// Colours of the two elbows, and of further rows.
@@ -39,12 +39,11 @@ const LEGEND: i32 = 250;
 
 /// Draws a chart as SVG.
 pub(crate) fn svg(title: &str, axes: [&str; 2], curves: &[Curve]) -> Result<String, String> {
-    let mut svg = String::new();
-    draw(&mut svg, title, axes, curves).map_err(|e| format!("'{title}' cannot be drawn: {e}"))?;
-    Ok(svg)
+    let drawn = picture(SIZE, |root| draw(root, title, axes, curves));
+    drawn.map_err(|e| format!("'{title}' cannot be drawn: {e}"))
 }
 
-fn draw(svg: &mut String, title: &str, axes: [&str; 2], curves: &[Curve]) -> Result<(), Box<dyn std::error::Error>> {
+fn draw(root: &Area, title: &str, axes: [&str; 2], curves: &[Curve]) -> Drawn {
     let points = || {
         let bars = |curve: &Curve| curve.bars.iter().flat_map(|b| [(b.0, b.1), (b.0, b.2)]).collect::<Vec<_>>();
         curves.iter().flat_map(move |curve| [curve.line.clone(), curve.dots.clone(), bars(curve)].concat())
@@ -57,8 +56,6 @@ fn draw(svg: &mut String, title: &str, axes: [&str; 2], curves: &[Curve]) -> Res
     if points().any(|(x, y)| !x.is_finite() || !y.is_finite()) {
         return Err("the coordinates of a point are not finite".into());
     }
-    let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
-    root.fill(&WHITE)?;
     let (left, right) = root.split_horizontally(SIZE.0 as i32 - LEGEND);
     let mut chart = ChartBuilder::on(&left)
         .caption(title, ("sans-serif", 20))
@@ -87,13 +84,11 @@ fn draw(svg: &mut String, title: &str, axes: [&str; 2], curves: &[Curve]) -> Res
         let radius = if curve.bars.is_empty() { 3 } else { 2 };
         chart.draw_series(curve.dots.iter().map(|&dot| Circle::new(dot, radius, curve.colour.filled())))?;
     }
-    legend(&right, curves)?;
-    root.present()?;
-    Ok(())
+    legend(&right, curves)
 }
 
 /// Draws the legend: each name with its line, its dot or both.
-fn legend(area: &DrawingArea<SVGBackend, Shift>, curves: &[Curve]) -> Result<(), Box<dyn std::error::Error>> {
+fn legend(area: &Area, curves: &[Curve]) -> Drawn {
     for (k, curve) in curves.iter().filter(|curve| !curve.name.is_empty()).enumerate() {
         let (y, style) = (56 + 24 * k as i32, curve.colour.stroke_width(2));
         for piece in if curve.dashed { vec![(0, 8), (13, 21)] } else { vec![(0, 21)] } {

@@ -2,11 +2,8 @@
 
 use crate::chart::{Chart, PeerResult, PeerRun, PeerState};
 use carom_sim::Scene;
+use carom_testing::scenes::shipped as scene;
 use std::time::Duration;
-
-fn scene(name: &str) -> Scene {
-    Scene::from_file(format!("{}/../../scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap()
-}
 
 /// One run of each method, as a longer one exceeds the budget.
 fn chart(scene: &Scene) -> Chart {

@@ -1,7 +1,7 @@
 //! Comparisons of all laws on synthetic data: the law that made the data wins, and a fold's coefficients do not know the fold.
 
 #[path = "../../carom-study/tests/fit/thrown.rs"]
-mod thrown;
+pub(super) mod thrown;
 
 use crate::compare::{CompareOptions, Comparison, DataSet, Row, compare, data_sets, toss_cases};
 use carom_chain::urdf::LoadOptions;
@@ -14,21 +14,18 @@ use nalgebra::Vector3;
 use std::fmt::Write;
 use thrown::{close, load, normal, rolled, rough, thrown};
 
-/// A folder of its own for each test, removed when the test ends.
-struct Data(Folder);
+/// A folder with a file.
+fn data(file: &str, text: &str) -> Folder {
+    let folder = Folder::new();
+    folder.write(file, text);
+    folder
+}
 
-impl Data {
-    fn new(file: &str, text: &str) -> Self {
-        let folder = Folder::new();
-        folder.write(file, text);
-        Self(folder)
-    }
-
-    fn set(&self) -> DataSet {
-        let mut sets = data_sets(&self.0, &LoadOptions::default()).unwrap();
-        assert_eq!(sets.len(), 1);
-        sets.remove(0)
-    }
+/// The only data set of a folder.
+fn set(folder: &Folder) -> DataSet {
+    let mut sets = data_sets(folder, &LoadOptions::default()).unwrap();
+    assert_eq!(sets.len(), 1);
+    sets.remove(0)
 }
 
 const QUIETLY: &(dyn Fn(usize, usize, &str) + Sync) = &|_, _, _| {};
@@ -76,8 +73,8 @@ fn row<'a>(all: &'a Comparison, law: &str, effects: &[&str]) -> &'a Row {
 }
 
 fn compared(rows: &[[f64; 13]], options: &CompareOptions) -> Comparison {
-    let folder = Data::new("impacts_odd.csv", &table(rows));
-    compare(&folder.set(), options, QUIETLY).unwrap().remove(0)
+    let folder = data("impacts_odd.csv", &table(rows));
+    compare(&set(&folder), options, QUIETLY).unwrap().remove(0)
 }
 
 #[test]
@@ -152,11 +149,10 @@ fn tosses_are_judged_from_both_starts_and_to_both_ends() {
     let ball = load("ball");
     let law = carom_impact::Energetic { restitution: 0.6, friction: 0.15 };
     let tosses = thrown(&ball, law, &mut Rng::with_seed(16), 8);
-    let folder = Data::new("tosses.csv", &toss_table(&tosses, 0.1));
-    let urdf = format!("{}/../../robots/ball.urdf", env!("CARGO_MANIFEST_DIR"));
-    std::fs::copy(urdf, folder.0.join("ball.urdf")).unwrap();
+    let folder = data("tosses.csv", &toss_table(&tosses, 0.1));
+    folder.copy("robots/ball.urdf");
     let options = CompareOptions { folds: 2, trials: 36, tosses: 4, ..CompareOptions::default() };
-    let set = folder.set();
+    let set = set(&folder);
     let all = compare(&set, &options, QUIETLY).unwrap();
     assert_eq!(all.len(), 4);
     assert_eq!(all[0].numbers.len(), 8);
@@ -231,15 +227,15 @@ fn tosses_are_judged_from_both_starts_and_to_both_ends() {
 #[test]
 fn data_that_cannot_be_compared_are_refused() {
     let rows = ellipse("newton", rough(0.5, 0.3), 10);
-    let folder = Data::new("impacts.csv", &table(&rows));
-    let few = compare(&folder.set(), &CompareOptions::default(), QUIETLY).unwrap_err().to_string();
+    let folder = data("impacts.csv", &table(&rows));
+    let few = compare(&set(&folder), &CompareOptions::default(), QUIETLY).unwrap_err().to_string();
     assert!(few.ends_with("it has 10 measurements that can be compared, but 20 are needed for 5 folds"), "{few}");
-    let one = compare(&folder.set(), &CompareOptions { folds: 1, ..CompareOptions::default() }, QUIETLY).unwrap_err();
+    let one = compare(&set(&folder), &CompareOptions { folds: 1, ..CompareOptions::default() }, QUIETLY).unwrap_err();
     assert_eq!(one.to_string(), "number of folds is 1: it must be at least 2");
-    std::fs::write(folder.0.join("impacts.csv"), "a,b\n1,2\n").unwrap();
+    folder.write("impacts.csv", "a,b\n1,2\n");
     let none = data_sets(&folder.0, &LoadOptions::default()).unwrap_err().to_string();
     assert!(none.contains("it holds no data set"), "{none}");
-    std::fs::write(folder.0.join("impacts.csv"), table(&rows).replacen("\n0,", "\nx,", 1)).unwrap();
+    folder.write("impacts.csv", table(&rows).replacen("\n0,", "\nx,", 1));
     let line = data_sets(&folder.0, &LoadOptions::default()).unwrap_err().to_string();
     assert!(line.ends_with("impacts.csv: line 2, column i: 'x' is not a finite number"), "{line}");
 }

@@ -7,6 +7,7 @@ use super::{
 };
 use crate::paper::{Elbow, Tangential};
 use carom_impact::{Frictionless, ImpactProblem, Law};
+use carom_testing::files::path;
 use nalgebra::{Matrix2, Vector2};
 use std::path::Path;
 
@@ -52,7 +53,7 @@ fn row_of(h: f64, d: f64, decimals: i32, dice: &mut Dice) -> (MeasuredRow, Vec<f
 }
 
 fn table1() -> Vec<MeasuredRow> {
-    read_measured(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/table1.csv")), None).unwrap()
+    read_measured(&path("docs/table1.csv"), None).unwrap()
 }
 
 fn close(got: f64, want: f64, tolerance: f64) {

@@ -9,9 +9,9 @@ use crate::compare::statistics::Estimate;
 use carom_chain::Coordinates;
 use carom_chain::urdf::{self, LoadOptions};
 use carom_sim::{Moment, Sampling, Scene, Seen};
+use carom_testing::files::Folder;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use std::fmt::Write;
-use std::path::PathBuf;
 
 /// Angles of [`JOINTS`] in flight: the thigh forward, the shin back, the toe's line nearly level.
 const POSTURE: [f64; 8] = [0.0, 0.0, -0.6, 1.1, 0.02, -1.0, -0.35, 0.02];
@@ -82,23 +82,12 @@ fn biped(full: bool) -> String {
     text + "</robot>"
 }
 
-/// A folder that is removed at the end.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("carom-landings-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        std::fs::write(folder.join("biped.urdf"), biped(false)).unwrap();
-        std::fs::write(folder.join("full.urdf.text"), biped(true)).unwrap();
-        Self(folder)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
+/// A folder with both robots.
+fn robots() -> Folder {
+    let folder = Folder::new();
+    folder.write("biped.urdf", biped(false));
+    folder.write("full.urdf.text", biped(true));
+    folder
 }
 
 /// Torques of [`MOTORS`] of both legs, N m.
@@ -254,7 +243,7 @@ fn model(without: &[Effect]) -> Candidate {
 /// error is ten times as large.
 #[test]
 fn the_model_predicts_landings_and_each_part_is_needed() {
-    let folder = Folder::new("parts");
+    let folder = robots();
     let all = landings(&folder, 4);
     let error = |without: &[Effect]| {
         let model = model(without);
@@ -274,7 +263,7 @@ fn the_model_predicts_landings_and_each_part_is_needed() {
 /// fall below a third of those without it.
 #[test]
 fn the_fit_recovers_the_inertia_of_the_toe() {
-    let folder = Folder::new("fit");
+    let folder = robots();
     let all = landings(&folder, 4);
     let options = CompareOptions { folds: 2, trials: 30, tolerance: 1e-6, ..CompareOptions::default() };
     let candidate = model(&[Effect::Toe]);
@@ -314,7 +303,7 @@ fn a_landing_begins_where_the_spring_of_the_knee_falls() {
 /// A table of a folder of its own is recognised whatever its name, and broken ones are refused with file, place, rule and remedy.
 #[test]
 fn broken_tables_and_robots_are_refused() {
-    let folder = Folder::new("broken");
+    let folder = robots();
     let (chain, moments) = jump(&folder, 1, NOWHERE);
     let rows: Vec<String> = moments.iter().enumerate().map(|(k, it)| row(&chain, 7, k, it)).collect();
     let whole = header() + &rows.concat();

@@ -2,4 +2,3 @@
 //! from inside.
 
 mod mutated_inputs;
-mod paper;

@@ -1,7 +1,5 @@
 //! Damaged inputs of every kind are accepted or refused, never a panic: the entry functions of `fuzz/`, with mutated seeds.
 
-use std::path::Path;
-
 #[path = "../../../fuzz/entries.rs"]
 mod entries;
 
@@ -59,7 +57,7 @@ fn mutated(seed: &[u8], random: &mut fastrand::Rng) -> Vec<u8> {
 
 /// Mutations of each seed in `fuzz/seeds/NAME`, and the seeds themselves.
 fn feed(name: &str, mutations: usize, entry: fn(&[u8])) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds").join(name);
+    let folder = carom_testing::files::path(&format!("fuzz/seeds/{name}"));
     let mut seeds: Vec<_> = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path()).collect();
     seeds.sort();
     assert!(!seeds.is_empty());

@@ -1,13 +1,9 @@
 //! The two-link experiment: the documented numbers of the stand-in arm, and the claims of the paper.
 
-use carom_chain::Chain;
-use carom_evidence::paper::{self, Elbow, Tangential};
+use crate::paper::{self, Elbow, Tangential};
 use carom_study::{Approach, self_motion, tangential_map};
+use carom_testing::files::robot as arm;
 use nalgebra::{Vector2, Vector3};
-
-fn arm(name: &str) -> Chain {
-    Chain::from_urdf_file(format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap()
-}
 
 /// M of the stand-in arm: p₁ = 3.473, p₂ = 0.196, p₃ = 0.242 kg m².
 #[test]

@@ -1,21 +1,18 @@
 //! The rigid limit of compliant contacts, as `carom chart --stiffness` draws it.
 
 use crate::chart::StiffnessChart;
-use carom_sim::{Scene, Yielding};
+use carom_sim::Yielding;
+use carom_testing::scenes::shipped;
 use std::time::Duration;
 
 const BUDGET: Duration = Duration::from_secs(100);
-
-fn feet() -> Scene {
-    Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/feet.toml")).unwrap()
-}
 
 /// A block that falls on two feet, then on the other two: with linear springs the errors of the velocities after the first contact
 /// and of the state at the end go to zero as k^(−1/2), with Hertz's exponent as k^(−2/5).
 #[test]
 fn the_error_of_compliant_feet_falls_with_the_order_of_the_duration_of_their_contact() {
-    let linear = feet();
-    let mut hertz = feet();
+    let linear = shipped("feet");
+    let mut hertz = shipped("feet");
     for touch in &mut hertz.simulation.touches {
         if let Some(own) = &mut touch.contact.compliance {
             own.normal = Yielding::HuntCrossley { exponent: 1.5, damping: carom_impact::Damping::Exact };
@@ -36,7 +33,7 @@ fn the_error_of_compliant_feet_falls_with_the_order_of_the_duration_of_their_con
 /// A scene without compliant contacts has no rigid limit to draw.
 #[test]
 fn a_rigid_scene_has_no_stiffness_chart() {
-    let mut scene = feet();
+    let mut scene = shipped("feet");
     scene.simulation.touches.iter_mut().for_each(|touch| touch.contact.compliance = None);
     assert_eq!(StiffnessChart::of(&scene, BUDGET, &mut || {}).unwrap(), None);
 }

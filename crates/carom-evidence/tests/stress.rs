@@ -3,7 +3,7 @@
 use super::method::{EXACT, METHODS, Scene, Verdict};
 use super::scenes::SCENES;
 use super::{Table, names};
-use std::path::Path;
+use carom_testing::files::text;
 use std::sync::LazyLock;
 
 static TABLE: LazyLock<Table> = LazyLock::new(|| Table::of(&names().collect::<Vec<_>>(), &|_| {}));
@@ -24,9 +24,8 @@ fn no_cell_of_any_scene_is_a_defect() {
 /// `docs/stress.md` and `docs/stress.svg` are made by `carom stress --out docs`.
 #[test]
 fn committed_table_and_picture_are_those_of_a_fresh_run() {
-    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs");
     for (name, fresh) in [("stress.md", TABLE.markdown()), ("stress.svg", TABLE.svg())] {
-        let committed = std::fs::read_to_string(docs.join(name)).unwrap();
+        let committed = text(&format!("docs/{name}"));
         let differs = committed.lines().zip(fresh.lines()).find(|(one, other)| one != other);
         let same = committed == fresh;
         assert!(

@@ -32,7 +32,7 @@ use nalgebra::SVector;
 use crate::contact::{Contact, length};
 use crate::derivative::known;
 use crate::laws::{AnyLaw, Family};
-use crate::plane::in_slip_plane;
+use crate::plane::SlipPlane;
 use crate::roots::bisect;
 use crate::routh::Ending;
 use crate::{Coefficients, ImpactError, ImpactProblem, Law, Mode, Phase};
@@ -119,10 +119,10 @@ impl<const D: usize> ImpactProblem<f64, D> {
         if self.approach_speed() <= 0.0 || friction == [0.0; 2] {
             return Ok(search.band);
         }
-        match (law.family(self), in_slip_plane(self)) {
+        match (law.family(self), SlipPlane::of(self)) {
             (Family::Frictionless, _) => {}
             (Family::Cone(Some(tangential)), _) => search.cone(tangential, restitution, friction)?,
-            (Family::Path(path), Some(plane)) => search.path(&plane, path.ending, restitution, friction)?,
+            (Family::Path(path), Some(plane)) => search.path(&plane.contact, path.ending, restitution, friction)?,
             _ => search.grid(restitution, friction)?,
         }
         Ok(search.band)

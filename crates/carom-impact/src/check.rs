@@ -11,7 +11,7 @@
 //! A check may be missed by its rounding and by [`share`] of the quantities before the impact, which an iteration leaves. The first
 //! look ([`is_clear`]) has no division and one branch; what it leaves in doubt is decided by [`check`] with the terms.
 
-use nalgebra::{RealField, SVector, convert};
+use nalgebra::{RealField, convert};
 
 use crate::outcome::finite;
 use crate::problem::plain;
@@ -68,8 +68,8 @@ pub(crate) fn check<T: RealField + Copy, const D: usize>(
     let ImpactOutcome { impulse, u_minus, u_plus, .. } = hit;
     finite("the impulse", impulse)?;
     finite("the velocity after the impact", u_plus)?;
-    finite("the kinetic energy", &SVector::from([hit.energy_before, hit.energy_after]))?;
-    finite("the work of the impulse", &SVector::from([hit.normal_work, hit.friction_work]))?;
+    finite("the kinetic energy", &[hit.energy_before, hit.energy_after])?;
+    finite("the work of the impulse", &[hit.normal_work, hit.friction_work])?;
     let refuse = |check, found: T, expected: T, allowed: T| {
         let [found, expected, allowed] = [found, expected, allowed].map(plain);
         Err(ImpactError::Outcome { law: hit.law, check, found, expected, allowed })

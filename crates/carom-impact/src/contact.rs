@@ -12,7 +12,7 @@
 
 use nalgebra::{Matrix2, RealField, SVector, Vector2};
 
-use crate::problem::plain;
+use crate::problem::{determinant, plain};
 use crate::rounding::{CANCELLED, NULL_PIVOT, rounding};
 use crate::{ImpactError, ImpactProblem};
 
@@ -158,10 +158,7 @@ impl<T: RealField + Copy> Mobility<T> {
     /// Eigenvalues up to `floor` count as zero.
     pub fn new(matrix: Matrix2<T>, floor: T) -> Self {
         let (a, b, d) = (matrix[(0, 0)], matrix[(0, 1)], matrix[(1, 1)]);
-        let trace = a + d;
-        // Rounding of b² recovered by a fused multiply-add (Kahan).
-        let square = b * b;
-        let det = a.mul_add(d, -square) + (-b).mul_add(b, square);
+        let (trace, det) = (a + d, determinant(a, b, d));
         let rank = if trace <= floor {
             Rank::Zero
         } else if det <= floor * trace {

@@ -121,7 +121,7 @@ pub use band::{Band, CoefficientRanges};
 pub use boundary::{Boundary, Edge};
 pub use compliant::{
     Bristle, CompliantOutcome, Damping, HuntCrossley, KelvinVoigt, NormalForce, Pressed, RoundBody, SmoothedCoulomb,
-    TangentialForce, WaltonBraun, compliant_impact, damping_root, hertz_stiffness, restitution_obtained,
+    TangentialForce, WaltonBraun, compliant_impact, hertz_stiffness, restitution_obtained,
 };
 pub use derivative::{Direction, LawDerivative, OneSided, Side};
 pub use error::ImpactError;

@@ -232,11 +232,11 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
 
 /// Fails if a number is not finite: at speeds of 1e150 m/s works overflow, and with them the choices of a law.
 #[inline(always)]
-pub(crate) fn finite<T: RealField + Copy, const D: usize>(
+pub(crate) fn finite<'a, T: RealField + Copy>(
     entry: &'static str,
-    numbers: &SVector<T, D>,
+    numbers: impl IntoIterator<Item = &'a T>,
 ) -> Result<(), ImpactError> {
-    match numbers.iter().find(|value| !value.is_finite()) {
+    match numbers.into_iter().find(|value| !value.is_finite()) {
         Some(&value) => Err(ImpactError::NotFinite { entry: entry.into(), value: plain(value) }),
         None => Ok(()),
     }

@@ -125,24 +125,19 @@ pub(crate) fn others_with_friction<T: RealField + Copy, const D: usize>(
     in_space().into_iter().filter_map(|found| outcome(found).ok()).collect()
 }
 
-/// The equivalent planar contact, if the slip stays in a plane.
-pub(crate) fn in_slip_plane<const D: usize>(problem: &ImpactProblem<f64, D>) -> Option<ImpactProblem<f64, 2>> {
-    Some(SlipPlane::of(problem)?.contact)
-}
-
 /// The plane through the normal in which the slip stays.
-struct SlipPlane<T, const D: usize> {
+pub(crate) struct SlipPlane<T, const D: usize> {
     /// Unit tangent; zero if the contact has no slip and no coupling along any tangent.
     t: SVector<T, D>,
     /// The problem in the axes (t, n).
-    contact: ImpactProblem<T, 2>,
+    pub contact: ImpactProblem<T, 2>,
 }
 
 impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
     /// The plane along the slip `u_t`; without slip the plane along `h_tn`, into which the normal impulse accelerates
     /// the contact; without either the contact stays at `v_t = 0`, and no tangent is needed.
     #[inline(always)]
-    fn of(problem: &ImpactProblem<T, D>) -> Option<Self> {
+    pub fn of(problem: &ImpactProblem<T, D>) -> Option<Self> {
         let h = problem.delassus();
         let u = problem.u_minus();
         if D < 3 {

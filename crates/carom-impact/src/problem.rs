@@ -201,16 +201,13 @@ impl<T: RealField + Copy> ImpactProblem<T, 2> {
         self.delassus[(0, 0)] <= self.trace_rounding()
     }
 
-    /// `det H = A C - B²`. Where the terms cancel, a fused multiply-add recovers the rounding error of `B²` (Kahan).
+    /// `det H = A C - B²`.
     pub(crate) fn determinant(&self) -> T {
         let (a, b, c) = self.abc();
-        let (product, square) = (a * c, b * b);
-        let difference = product - square;
-        if difference * convert(16.0) > product {
-            return difference;
-        }
-        let lost = (-b).mul_add(b, square);
-        a.mul_add(c, -square) + lost
+        let product = a * c;
+        let difference = product - b * b;
+        // Where the terms do not cancel, the difference is exact enough.
+        if difference * convert(16.0) > product { difference } else { determinant(a, b, c) }
     }
 
     /// `B/A`: the friction per unit of normal impulse that keeps a contact sticking, opposed to the tangent; 0 where the
@@ -289,6 +286,13 @@ where
         }
     }
     check_positive(h, largest * rounding(NULL_PIVOT))
+}
+
+/// `a c - b²`: a fused multiply-add recovers the rounding error of `b²` (Kahan).
+#[inline(always)]
+pub(crate) fn determinant<T: RealField + Copy>(a: T, b: T, c: T) -> T {
+    let square = b * b;
+    a.mul_add(c, -square) + (-b).mul_add(b, square)
 }
 
 /// Checks that every entry of the velocity called `name` is finite.

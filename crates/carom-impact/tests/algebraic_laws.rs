@@ -203,3 +203,21 @@ fn spheres_in_space_have_the_slip_that_is_asked_for() {
         assert_eq!(hit.mode == Mode::Stick, v_t == 0.0);
     }
 }
+
+/// An approach along the normal whose slip is the rounding of a pose has the impulse of one without slip: along the coupling.
+#[test]
+fn a_slip_of_rounding_gives_brachs_law_no_direction() {
+    let delassus = matrix![2.0, 0.1, 0.5; 0.1, 1.5, 0.3; 0.5, 0.3, 1.0];
+    for ratio in [-0.1, 0.1] {
+        let impulse = |slip: [f64; 2]| {
+            let problem = ImpactProblem::new(delassus, vector![slip[0], slip[1], -1.0]).unwrap();
+            problem.resolve(&Brach { restitution: 0.5, impulse_ratio: ratio }).unwrap().impulse
+        };
+        let without = impulse([0.0, 0.0]);
+        for slip in [[1e-17, 0.0], [0.0, 1e-17], [-3e-16, 1e-15]] {
+            assert!((impulse(slip) - without).norm() < 1e-14, "{slip:?}: {} instead of {without}", impulse(slip));
+        }
+        // A slip above rounding is one; a ratio along it is clipped to none.
+        assert!(ratio > 0.0 || (impulse([1e-12, 0.0]) - without).norm() > 1e-2);
+    }
+}

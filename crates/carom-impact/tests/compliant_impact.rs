@@ -139,12 +139,12 @@ fn walton_and_brauns_impact_tends_to_stronges() {
 fn explicit_steps_tend_to_stronges_impact_at_first_order() {
     let problem = pendulum();
     let (h, mu) = (problem.delassus(), 0.5);
-    let force = WaltonBraun::new(1.0, 0.5).unwrap();
+    let force = walton_braun(1.0, 0.5);
     let integrate = |dt: f64| {
         let (mut u, mut d, mut deepest) = (*problem.u_minus(), 0.0_f64, 0.0_f64);
         loop {
             deepest = deepest.max(d);
-            let f = force.force(d, deepest);
+            let f = force.force(d, 0.0, 0.0, deepest);
             if d < deepest && f == 0.0 {
                 return u;
             }

@@ -1,6 +1,6 @@
 //! The Hunt–Crossley contact against tables, its own equation, and an independent integration.
 
-use carom_impact::{HuntCrossley, damping_root};
+use carom_impact::{Damping, HuntCrossley, NormalForce};
 
 #[test]
 fn roots_have_their_reference_values() {
@@ -16,7 +16,7 @@ fn roots_have_their_reference_values() {
         (0.95, 0.078927),
     ];
     for (e, expected) in table {
-        let x = damping_root(e).unwrap();
+        let x = Damping::Exact.number(e).unwrap();
         assert!((x - expected).abs() < 5.1e-7, "e {e}: {x}");
     }
     // to all digits, from 40-digit arithmetic
@@ -34,7 +34,7 @@ fn roots_have_their_reference_values() {
         (1.0, 0.0),
     ];
     for (e, expected) in exact {
-        let x = damping_root(e).unwrap();
+        let x = Damping::Exact.number(e).unwrap();
         assert!((x - expected).abs() <= 4.0 * f64::EPSILON * expected, "e {e}: {x} is not {expected}");
     }
 }
@@ -44,7 +44,7 @@ fn root_solves_its_equation() {
     let mut before = f64::INFINITY;
     for k in 1..100_000 {
         let e = f64::from(k) / 100_000.0;
-        let x = damping_root(e).unwrap();
+        let x = Damping::Exact.number(e).unwrap();
         assert!(x > 0.0 && x <= 1.0 / e && x < before, "e {e}: {x}");
         before = x;
         // the equation without its logarithm, which is inaccurate where 1 - e x is nearly 0
@@ -58,11 +58,11 @@ fn root_solves_its_equation() {
     // both ends: x is 1/e to the last digit, and (3/2)(1 - e) with its next two terms
     for exponent in -300..-1 {
         let e = 10.0_f64.powi(exponent);
-        assert_eq!(damping_root(e), Some(1.0 / e));
+        assert_eq!(Damping::Exact.number(e), Some(1.0 / e));
     }
     for exponent in -16..-5 {
         let loss = 1.0 - (1.0 - 10.0_f64.powi(exponent));
-        let x = damping_root(1.0 - loss).unwrap();
+        let x = Damping::Exact.number(1.0 - loss).unwrap();
         assert!((x / (1.5 * loss * (1.0 + loss)) - 1.0).abs() < 2.0 * loss * loss + 1e-15, "loss {loss:e}: {x:e}");
     }
 }
@@ -70,9 +70,9 @@ fn root_solves_its_equation() {
 /// Rebound speed and largest penetration by fourth-order Runge–Kutta with `steps` steps per time scale of the
 /// penetration, from the force alone.
 fn integrate(contact: &HuntCrossley, mass: f64, approach: f64, steps: f64) -> (f64, f64) {
-    let damping = contact.damping(approach);
+    let (law, damping) = (NormalForce::HuntCrossley(*contact), contact.damping(approach));
     let acceleration = |d: f64, w: f64| {
-        let force = contact.force(d, w, damping);
+        let force = law.force(d, w, damping, 0.0);
         assert!(force >= 0.0);
         -force / mass
     };
@@ -110,7 +110,7 @@ fn integrated_rebound_is_e() {
         let contact = HuntCrossley::new(k, n, e).unwrap();
         let (rebound, deepest) = integrate(&contact, m, v0, 20_000.0);
         assert!((rebound / v0 - e).abs() < 1e-9, "n {n}, e {e}: rebound {}", rebound / v0);
-        let told = contact.greatest_penetration(v0, m);
+        let told = NormalForce::HuntCrossley(contact).greatest_penetration(v0, m);
         assert!((deepest / told - 1.0).abs() < 1e-7, "n {n}, e {e}: depth {deepest}, told {told}");
     }
 }
@@ -118,20 +118,20 @@ fn integrated_rebound_is_e() {
 #[test]
 fn force_never_pulls() {
     let contact = HuntCrossley::new(1e7, 1.5, 0.5).unwrap();
-    let damping = contact.damping(0.2);
+    let (law, damping) = (NormalForce::HuntCrossley(contact), contact.damping(0.2));
     for (d, w) in [(-1e-3, 1.0), (0.0, 1.0), (0.0, -1.0), (1e-3, -1.0), (1e-3, -0.5), (-1.0, -1.0)] {
-        assert_eq!(contact.force(d, w, damping), 0.0, "at {d} m, {w} m/s");
+        assert_eq!(law.force(d, w, damping, 0.0), 0.0, "at {d} m, {w} m/s");
     }
     // Hertz's force at zero rate
-    let still = contact.force(1e-4, 0.0, damping);
+    let still = law.force(1e-4, 0.0, damping, 0.0);
     assert!((still - 10.0).abs() < 1e-13);
     // no damping without approach; a finite damping for the slowest approach
     assert_eq!(contact.damping(0.0), 0.0);
     assert_eq!(contact.damping(-1.0), 0.0);
-    assert_eq!(contact.greatest_penetration(-1.0, 1.0), 0.0);
-    assert!(contact.force(1e-4, 0.0, contact.damping(5e-324)) > 0.0);
+    assert_eq!(law.greatest_penetration(-1.0, 1.0), 0.0);
+    assert!(law.force(1e-4, 0.0, contact.damping(5e-324), 0.0) > 0.0);
     // NaN stays NaN
-    assert!(contact.force(f64::NAN, 0.0, 0.0).is_nan() && contact.damping(f64::NAN).is_nan());
+    assert!(law.force(f64::NAN, 0.0, 0.0, 0.0).is_nan() && contact.damping(f64::NAN).is_nan());
     assert!(HuntCrossley { restitution: 0.0, ..contact }.damping(1.0).is_nan());
 }
 
@@ -152,6 +152,6 @@ fn invalid_parameters_are_refused() {
                  its damping would be infinite: give a small one such as 0.01, or use a rigid law"
             )
         );
-        assert_eq!(damping_root(e), None);
+        assert_eq!(Damping::Exact.number(e), None);
     }
 }

@@ -1,20 +1,14 @@
 //! Moreau's law for several constraints: against closed forms, against its conditions, and for thousands of random
 //! problems.
 
-use crate::common::{EXACT, all_close, balls, close, contact, flat_rod, problem, row_of_balls, stop, wide};
+use crate::common::{
+    EXACT, all_close, balls, close, contact, flat_rod, moreau, problem, row_of_balls, solve, stop, wide,
+};
 use carom_impact::{
     Accuracy, Constraint, Flags, Frictionless, ImpactError, ImpactProblem, Law, Order, SeveralOutcome, SeveralProblem,
     Stiffnesses,
 };
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3, dmatrix, dvector};
-
-fn moreau(problem: &SeveralProblem) -> SeveralOutcome {
-    problem.simultaneous(&Accuracy::default(), None).unwrap()
-}
-
-fn solve(h: DMatrix<f64>, u: DVector<f64>, constraints: Vec<Constraint>) -> SeveralOutcome {
-    moreau(&problem(h, u, constraints))
-}
 
 /// The laws of several contacts: impulses, velocities after the impact, violation of the law.
 type Several = fn(&SeveralProblem) -> (DVector<f64>, DVector<f64>, f64);

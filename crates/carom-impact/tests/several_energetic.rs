@@ -344,3 +344,23 @@ fn smooth_contact_in_space_has_its_normal_impulse_only() {
     assert!((&hit.impulse - dvector![0.0, 0.0, 1.5 / 1.6]).amax() < ACCURATE);
     close("slip", hit.u_plus[0], 0.7 + 0.4 * 1.5 / 1.6, ACCURATE);
 }
+
+/// One contact, cradles of up to five balls, and random contacts.
+#[test]
+fn impacts_are_as_exact_as_the_tolerance_asks() {
+    let mut rng = fastrand::Rng::with_seed(7);
+    for tolerance in [1e-6, 1e-9, 1e-12] {
+        let accuracy = Accuracy { tolerance, ..Accuracy::default() };
+        for k in 0..=20 {
+            let e = f64::from(k) / 20.0;
+            let mut cases = vec![(dmatrix![1.0], dvector![-0.1])];
+            cases.extend((1..=4).map(row_of_balls));
+            cases.push(random(&mut rng, 3, 4));
+            for (h, u) in cases {
+                let rows = vec![stop(e); u.len()];
+                let hit = problem(h, u, rows).energetic(&Stiffnesses::default(), &accuracy).unwrap().total;
+                assert!(hit.is_solved(&accuracy), "e = {e}, tolerance {tolerance}: {hit:?}");
+            }
+        }
+    }
+}

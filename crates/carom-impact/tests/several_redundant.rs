@@ -1,13 +1,9 @@
 //! Moreau's law with more rows than degrees of freedom: the thin factors of H against the whole matrix, and random
 //! problems with all kinds of constraints.
 
-use crate::common::{close, contact, problem, wide};
-use carom_impact::{Accuracy, Constraint, SeveralOutcome};
+use crate::common::{close, contact, moreau, problem, solve, wide};
+use carom_impact::{Accuracy, Constraint};
 use nalgebra::{DMatrix, DVector};
-
-fn solve(h: DMatrix<f64>, u: DVector<f64>, constraints: Vec<Constraint>) -> SeveralOutcome {
-    problem(h, u, constraints).simultaneous(&Accuracy::default(), None).unwrap()
-}
 
 /// Two contacts on seven freedoms, with a coupling of tangents and normals small enough for one solution, and
 /// the same contacts listed four times: H then has a quarter of full rank, and is used in factors. The velocities are
@@ -64,7 +60,7 @@ fn inelastic_constraints_of_all_kinds_are_always_solved() {
             let j = DMatrix::from_fn(rows, rows.div_ceil(2), |_, _| wide(&mut rng));
             let v = DVector::from_fn(j.ncols(), |_, _| wide(&mut rng));
             let moving = |v: DVector<f64>| problem(&j * j.transpose(), &j * v, constraints.clone());
-            let first = moving(v.clone()).simultaneous(&Accuracy::default(), None).unwrap();
+            let first = moreau(&moving(v.clone()));
             let near = moving(v.map(|v| v + 0.02 * wide(&mut rng)));
             let next = near.simultaneous(&Accuracy::default(), Some(&first.impulse)).unwrap();
             for hit in [&first, &next] {

@@ -1,6 +1,6 @@
 //! Aims: `carom.aim`.
 
-use crate::array::Array;
+use crate::array::{Array, count};
 use crate::error::raise;
 use crate::orbit::Given;
 use crate::threads::left_behind;
@@ -31,8 +31,8 @@ use std::path::{Path, PathBuf};
 pub fn aim<'py>(
     py: Python<'py>,
     problem: &Bound<'py, PyAny>,
-    starts: Option<u64>,
-    seed: u64,
+    #[pyo3(from_py_with = count)] starts: Option<u64>,
+    #[pyo3(from_py_with = count)] seed: u64,
     folder: PathBuf,
 ) -> PyResult<Array<'py>> {
     let given = Given::of(problem, folder)?;
@@ -44,8 +44,8 @@ pub fn aim<'py>(
         problem.stop_by(stop.clone());
         let (found, starts) = match starts {
             None => (problem.solve()?, None),
-            Some(count) => {
-                let (found, starts) = problem.solve_from_many(count, seed, &|| {})?;
+            Some(number) => {
+                let (found, starts) = problem.solve_from_many(number, seed, &|| {})?;
                 (found, Some(starts))
             }
         };

@@ -7,7 +7,8 @@ use crate::error::exceptions::StateError;
 use numpy::{
     IntoPyArray, PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::PyTypeError;
+use pyo3::conversion::FromPyObjectOwned;
+use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -17,6 +18,21 @@ use pyo3::types::PyDict;
 pub fn numpy(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
     static NUMPY: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
     NUMPY.get_or_try_init(py, || Ok(py.import("numpy")?.unbind())).map(|module| module.bind(py))
+}
+
+/// A whole number that is not negative, or none: Python's own OverflowError would not name the argument.
+///
+/// # Errors
+/// `TypeError` for other numbers.
+pub fn count<'py, T: FromPyObjectOwned<'py>>(given: &Bound<'py, PyAny>) -> PyResult<T> {
+    let why: PyErr = match given.extract::<T>() {
+        Ok(number) => return Ok(number),
+        Err(why) => why.into(),
+    };
+    if why.is_instance_of::<PyOverflowError>(given.py()) {
+        return Err(PyTypeError::new_err(format!("{given} is out of range: give a whole number that is not negative")));
+    }
+    Err(why)
 }
 
 /// Numbers with the shape that they had in Python.
@@ -216,8 +232,13 @@ pub fn list<'py>(py: Python<'py>, numbers: &[f64]) -> PyResult<Array<'py>> {
     array(py, numbers.to_vec(), &[numbers.len()])
 }
 
+/// The array of rows of `width` entries, or of one row without a `count`.
+pub fn rows<'py>(py: Python<'py>, numbers: Vec<f64>, count: Option<usize>, width: usize) -> PyResult<Array<'py>> {
+    array(py, numbers, &count.into_iter().chain([width]).collect::<Vec<_>>())
+}
+
 /// The array of these entries.
-pub fn array<'py>(py: Python<'py>, numbers: Vec<f64>, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
+pub fn array<'py>(py: Python<'py>, numbers: Vec<f64>, shape: &[usize]) -> PyResult<Array<'py>> {
     let flat = numbers.into_pyarray(py);
     if let [n] = shape
         && *n == flat.len()
@@ -281,11 +302,11 @@ impl<'py> Target<'py> {
     }
 
     /// The array; a number for results without axes.
-    pub fn finish(self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    pub fn finish(self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         match self.given {
-            Some((given, _)) => Ok(given),
-            None if self.shape.is_empty() => Ok(self.new[0].into_pyobject(py)?.into_any()),
-            None => array(py, self.new, &self.shape),
+            Some((given, _)) => Ok(given.unbind()),
+            None if self.shape.is_empty() => Ok(self.new[0].into_pyobject(py)?.into_any().unbind()),
+            None => Ok(array(py, self.new, &self.shape)?.unbind()),
         }
     }
 }

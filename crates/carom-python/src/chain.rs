@@ -1,6 +1,6 @@
 //! The class `Chain`: loading, names, limits, and the geometry of configurations.
 
-use crate::array::{Array, Given, Maybe, Numbers, Rows, Target, array, list, numpy, together};
+use crate::array::{Array, Given, Maybe, Numbers, Rows, Target, count, list, numpy, rows, together};
 use crate::batch::each_row;
 use crate::error::{exceptions, raise};
 use crate::order;
@@ -168,13 +168,29 @@ impl Chain {
     }
 }
 
+/// The argument `inertia`: six numbers for each link.
+///
+/// # Errors
+/// `TypeError` for what is no dict of numbers; `StateError` for another number of them.
+fn inertias(given: &Bound<'_, PyAny>) -> PyResult<BTreeMap<String, [f64; 6]>> {
+    let given: BTreeMap<String, Vec<f64>> = given.extract()?;
+    let six = |(link, numbers): (String, Vec<f64>)| match <[f64; 6]>::try_from(numbers) {
+        Ok(numbers) => Ok((link, numbers)),
+        Err(numbers) => Err(exceptions::StateError::new_err(format!(
+            "inertia of '{link}' has {} numbers: give six, ixx, ixy, ixz, iyy, iyz, izz",
+            numbers.len()
+        ))),
+    };
+    given.into_iter().map(six).collect()
+}
+
 /// Writes into `out` the numbers that `work` makes of the rows of two arguments, `width` for each state.
 fn of_two<'py>(
     py: Python<'py>,
     given: [(&str, &Rows<'py>); 2],
-    (width, out): (usize, Maybe<'_, 'py>),
+    (width, out): (usize, Maybe),
     work: impl Fn(&[f64], &[f64]) -> Result<Vec<f64>, ChainError> + Sync + Send,
-) -> PyResult<Array<'py>> {
+) -> PyResult<Py<PyAny>> {
     let count = together(given)?;
     let mut target = Target::new(out, count, &[width])?;
     let [first, second] = given.map(|(_, rows)| rows.plain());
@@ -245,7 +261,6 @@ impl Chain {
     ///         package `xacro` is not installed, or refuses it.
     #[staticmethod]
     #[pyo3(signature = (source, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new(), rotor_inertia=BTreeMap::new(), mass=BTreeMap::new(), inertia=BTreeMap::new(), xacro=None))]
-    #[allow(clippy::too_many_arguments)]
     fn from_urdf(
         py: Python<'_>,
         source: Given,
@@ -256,7 +271,7 @@ impl Chain {
         package_dirs: Vec<PathBuf>,
         rotor_inertia: BTreeMap<String, f64>,
         mass: BTreeMap<String, f64>,
-        inertia: BTreeMap<String, [f64; 6]>,
+        #[pyo3(from_py_with = inertias)] inertia: BTreeMap<String, [f64; 6]>,
         xacro: Option<Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let absolute = |path: PathBuf| std::path::absolute(&path).unwrap_or(path);
@@ -307,7 +322,6 @@ impl Chain {
     ///     ImportError: the package is not installed, or has no robot of this name, or cannot download it.
     #[staticmethod]
     #[pyo3(signature = (name, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new(), rotor_inertia=BTreeMap::new(), mass=BTreeMap::new(), inertia=BTreeMap::new()))]
-    #[allow(clippy::too_many_arguments)]
     fn from_robot_description(
         py: Python<'_>,
         name: &str,
@@ -318,7 +332,7 @@ impl Chain {
         mut package_dirs: Vec<PathBuf>,
         rotor_inertia: BTreeMap<String, f64>,
         mass: BTreeMap<String, f64>,
-        inertia: BTreeMap<String, [f64; 6]>,
+        #[pyo3(from_py_with = inertias)] inertia: BTreeMap<String, [f64; 6]>,
     ) -> PyResult<Self> {
         let refuse = |why: &str| PyImportError::new_err(format!("robot_descriptions.{name}: {why}"));
         py.import("robot_descriptions").map_err(|_| {
@@ -354,7 +368,7 @@ impl Chain {
     /// Raises:
     ///     ChainError: a number that is not positive.
     #[staticmethod]
-    fn uniform(links: usize, length: f64, mass: f64) -> PyResult<Self> {
+    fn uniform(#[pyo3(from_py_with = count)] links: usize, length: f64, mass: f64) -> PyResult<Self> {
         let chain = carom_chain::uniform_chain(links, length, mass).map_err(raise)?;
         Ok(Self::new(chain, Origin::Uniform { links, length, mass }))
     }
@@ -388,35 +402,43 @@ impl Chain {
         list(py, &self.chain.zero_configuration())
     }
 
-    /// Random configurations: uniform within the position limits of the joints, within ±π rad or ±1 m without limits;
-    /// floating joints within ±1 m and with a uniform rotation.
+    /// Random configurations: uniform within the position limits of the joints, those of mimic joints included, within ±π rad or ±1 m
+    /// without limits; floating joints within ±1 m and with a uniform rotation.
     ///
     /// Args:
     ///     rng: a numpy.random.Generator, or a seed of one.
     ///     size: None for one configuration of shape (nq,), or their number B for the shape (B, nq).
+    ///
+    /// Raises:
+    ///     ChainError: limits of mimic joints that leave a joint no position.
     #[pyo3(signature = (rng=None, size=None))]
     fn random_configuration<'py>(
         &self,
         py: Python<'py>,
-        rng: Maybe<'_, 'py>,
-        size: Option<usize>,
+        rng: Maybe,
+        #[pyo3(from_py_with = count)] size: Option<usize>,
     ) -> PyResult<Array<'py>> {
-        let (nq, rows) = (self.chain.nq(), size.unwrap_or(1));
+        let (nq, number) = (self.chain.nq(), size.unwrap_or(1));
         let rng = numpy(py)?.getattr("random")?.call_method1("default_rng", (rng,))?;
-        let draw = |name: &str| Numbers::read(name, &rng.call_method1(name, ((rows, nq),))?);
+        let draw = |name: &str| Numbers::read(name, &rng.call_method1(name, ((number, nq),))?);
         let (uniform, normal) = (draw("random")?, draw("standard_normal")?);
-        let mut out = vec![0.0; rows * nq];
+        let mut out = vec![0.0; number * nq];
         let within = |share: f64, lower: f64, upper: f64| lower + share * (upper - lower);
         for (k, row) in out.chunks_exact_mut(nq.max(1)).enumerate() {
             let (uniform, normal) = (&uniform.slice()[k * nq..], &normal.slice()[k * nq..]);
             for joint in self.moving() {
                 let Coordinates::Own { q, .. } = &joint.coordinates else { continue };
                 let half = if matches!(joint.kind, JointType::Prismatic) { 1.0 } else { std::f64::consts::PI };
-                let ends = match (joint.limits.lower, joint.limits.upper) {
-                    (Some(lower), Some(upper)) => (lower, upper),
-                    (Some(lower), None) => (lower, lower + 2.0 * half),
-                    (None, Some(upper)) => (upper - 2.0 * half, upper),
-                    (None, None) => (-half, half),
+                let ends = match self.chain.limits_of(q.start) {
+                    [Some(lower), Some(upper)] if lower > upper => {
+                        let why =
+                            "its limits and those of the joints that mimic it leave it no position: correct the limits";
+                        return Err(exceptions::ChainError::new_err(format!("joint '{}': {why}", joint.name)));
+                    }
+                    [Some(lower), Some(upper)] => (lower, upper),
+                    [Some(lower), None] => (lower, lower + 2.0 * half),
+                    [None, Some(upper)] => (upper - 2.0 * half, upper),
+                    [None, None] => (-half, half),
                 };
                 match q.len() {
                     1 => row[q.start] = within(uniform[q.start], ends.0, ends.1),
@@ -433,8 +455,7 @@ impl Chain {
                 }
             }
         }
-        let shape: Vec<usize> = size.into_iter().chain([nq]).collect();
-        array(py, out, &shape)
+        rows(py, out, size, nq)
     }
 
     /// The configuration after moving from q with the constant velocity qd for dt seconds; shape of q.
@@ -442,19 +463,12 @@ impl Chain {
     /// Raises:
     ///     StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
     #[pyo3(signature = (q, qd, dt=1.0, *, out=None))]
-    fn integrate<'py>(
-        &self,
-        py: Python<'py>,
-        q: Given<'_, 'py>,
-        qd: Given<'_, 'py>,
-        dt: f64,
-        out: Maybe<'_, 'py>,
-    ) -> PyResult<Array<'py>> {
+    fn integrate(&self, q: Given, qd: Given, dt: f64, out: Maybe) -> PyResult<Py<PyAny>> {
         if !dt.is_finite() {
             return Err(exceptions::StateError::new_err(format!("dt is {dt}: it must be finite")));
         }
         let given = [("q", &self.q(q)?), ("qd", &self.v("qd", qd)?)];
-        of_two(py, given, (self.chain.nq(), out), |q, qd| self.chain.integrate(q, qd, dt))
+        of_two(q.py(), given, (self.chain.nq(), out), |q, qd| self.chain.integrate(q, qd, dt))
     }
 
     /// The rate of q at the velocity qd; shape of q. It is qd itself but for floating joints.
@@ -462,20 +476,14 @@ impl Chain {
     /// Raises:
     ///     StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
     #[pyo3(signature = (q, qd, *, out=None))]
-    fn q_rate<'py>(
-        &self,
-        py: Python<'py>,
-        q: Given<'_, 'py>,
-        qd: Given<'_, 'py>,
-        out: Maybe<'_, 'py>,
-    ) -> PyResult<Array<'py>> {
+    fn q_rate(&self, q: Given, qd: Given, out: Maybe) -> PyResult<Py<PyAny>> {
         let given = [("q", &self.q(q)?), ("qd", &self.v("qd", qd)?)];
         let rate = |q: &[f64], qd: &[f64]| {
             let mut rate = vec![0.0; q.len()];
             self.chain.q_rate_into(q, qd, &mut rate);
             Ok(rate)
         };
-        of_two(py, given, (self.chain.nq(), out), rate)
+        of_two(q.py(), given, (self.chain.nq(), out), rate)
     }
 
     /// The constant velocity that moves the chain from q_from to q_to in one second; shape (nv,) or (B, nv).
@@ -483,15 +491,9 @@ impl Chain {
     /// Raises:
     ///     StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
     #[pyo3(signature = (q_from, q_to, *, out=None))]
-    fn difference<'py>(
-        &self,
-        py: Python<'py>,
-        q_from: Given<'_, 'py>,
-        q_to: Given<'_, 'py>,
-        out: Maybe<'_, 'py>,
-    ) -> PyResult<Array<'py>> {
+    fn difference(&self, q_from: Given, q_to: Given, out: Maybe) -> PyResult<Py<PyAny>> {
         let given = [("q_from", &self.named_q("q_from", q_from)?), ("q_to", &self.named_q("q_to", q_to)?)];
-        of_two(py, given, (self.chain.nv(), out), |from, to| self.chain.difference(from, to))
+        of_two(q_from.py(), given, (self.chain.nv(), out), |from, to| self.chain.difference(from, to))
     }
 
     /// The positions of joints of one degree of freedom that are outside their limits at q (shape (nq,)), one sentence each.
@@ -506,14 +508,14 @@ impl Chain {
     /// Raises:
     ///     ChainError: a planar joint, whose axis Pinocchio does not read.
     #[pyo3(signature = (q, v=None))]
-    fn to_pinocchio<'py>(&self, py: Python<'py>, q: Given<'_, 'py>, v: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
-        order::to_pinocchio(py, self, q, v)
+    fn to_pinocchio(&self, q: Given, v: Maybe) -> PyResult<Py<PyAny>> {
+        order::to_pinocchio(self, q, v)
     }
 
     /// The inverse of `to_pinocchio`; the positions of mimic joints are ignored.
     #[pyo3(name = "from_pinocchio", signature = (q, v=None))]
-    fn of_pinocchio<'py>(&self, py: Python<'py>, q: Given<'_, 'py>, v: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
-        order::from_pinocchio(py, self, q, v)
+    fn of_pinocchio(&self, q: Given, v: Maybe) -> PyResult<Py<PyAny>> {
+        order::from_pinocchio(self, q, v)
     }
 
     fn __repr__(&self) -> String {

@@ -1,8 +1,9 @@
 //! A contact problem by itself: its matrix, its velocities and the laws of its rows.
 
-use crate::array::{Array, Given, Maybe, Numbers, array, list, shown};
+use crate::array::{Array, Given, Maybe, Numbers, list, shown};
 use crate::error::exceptions::{ImpactError, StateError};
 use crate::error::raise;
+use crate::impact::matrix;
 use crate::pickle::{Parts, Pickled, fields, tuple, variants};
 use crate::points::several_law;
 use carom_impact::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
@@ -101,7 +102,7 @@ impl ContactProblem {
 
 getters! { ContactProblem, self, py {
     /// H, shape (n, n), 1/kg.
-    delassus: Array<'py> = array(py, self.problem.delassus().transpose().as_slice().to_vec(), &[self.problem.u_free().len(); 2])?;
+    delassus: Array<'py> = matrix(py, self.problem.delassus())?;
     /// Velocities without impulses, shape (n,), m/s.
     u_free: Array<'py> = list(py, self.problem.u_free().as_slice())?;
     /// Velocities before, shape (n,), m/s.
@@ -130,10 +131,10 @@ impl ContactProblem {
         bounds: Maybe,
     ) -> PyResult<Self> {
         let free = Numbers::read("u_free", u_free)?;
-        let (n, matrix) = (free.slice().len(), Numbers::read("delassus", delassus)?);
+        let (n, given) = (free.slice().len(), Numbers::read("delassus", delassus)?);
         let free = vector("u_free", u_free, n)?;
-        if matrix.shape() != [n, n] {
-            let found = shown(matrix.shape());
+        if given.shape() != [n, n] {
+            let found = shown(given.shape());
             return Err(StateError::new_err(format!(
                 "delassus has the shape {found}, but u_free has {n} numbers: ({n}, {n}) is needed"
             )));
@@ -174,7 +175,7 @@ impl ContactProblem {
         };
         let constraints = kinds.iter().enumerate().map(made).collect();
         let before = u_minus.map_or_else(|| Ok(free.clone()), |given| vector("u_minus", given, n))?;
-        let problem = SeveralProblem::new(DMatrix::from_row_slice(n, n, matrix.slice()), before, constraints);
+        let problem = SeveralProblem::new(DMatrix::from_row_slice(n, n, given.slice()), before, constraints);
         let problem = problem.and_then(|problem| problem.with_free_velocity(free)).map_err(raise)?;
         Ok(Self { problem })
     }
@@ -197,7 +198,6 @@ impl ContactProblem {
     ///     StateError: a wrong shape.
     ///     ImpactError: an unknown law; friction under "energetic"; arguments that the law does not use.
     #[pyo3(signature = (*, law="moreau", tolerance=1e-12, max_iterations=2000, start=None, relative_stiffness=None, exponent=None))]
-    #[allow(clippy::too_many_arguments)]
     fn solve(
         &self,
         py: Python<'_>,

@@ -1,6 +1,6 @@
 //! Diagrams that compare laws, as data and as pictures.
 
-use crate::array::{Array, Given, Numbers, array, list, shown};
+use crate::array::{Given, Numbers, array, list, shown};
 use crate::error::exceptions::{ImpactError, StateError};
 use crate::laws::problem;
 use crate::outcome::Outcome;
@@ -24,18 +24,17 @@ use pyo3::types::PyDict;
 ///     "symbol" ("law", "start", "turn", "stop") and "at", shape (2,)) and "svg", the picture.
 ///
 /// Raises:
-///     ImpactError: the contact does not approach, or H is singular.
+///     ImpactError: the contact does not approach, H is singular, or friction is negative.
 #[pyfunction]
 #[pyo3(signature = (H, u, friction, outcomes))]
 #[allow(non_snake_case)] // the name of the matrix in the literature
-pub fn diagram<'py>(
-    py: Python<'py>,
-    H: Given<'_, 'py>,
-    u: Given<'_, 'py>,
-    friction: f64,
-    outcomes: Vec<Bound<'py, Outcome>>,
-) -> PyResult<Array<'py>> {
+pub fn diagram(H: Given, u: Given, friction: f64, outcomes: Vec<Bound<Outcome>>) -> PyResult<Py<PyAny>> {
+    let py = H.py();
     let (h, u) = (Numbers::read("H", H)?, Numbers::read("u", u)?);
+    // Written so that NaN fails.
+    if !(friction >= 0.0 && friction.is_finite()) {
+        return Err(ImpactError::new_err(format!("friction is {friction}: it must be finite and 0 or more")));
+    }
     let drawn = match u.shape() {
         [2] => routh_diagram(&problem(&h, &u)?, friction, &points::<2>(&outcomes)?),
         [3] => hodograph(&problem(&h, &u)?, friction, &points::<3>(&outcomes)?),
@@ -47,7 +46,7 @@ pub fn diagram<'py>(
     let missing = || {
         ImpactError::new_err("no diagram can be drawn: the contact must approach (u_n < 0) and H must not be singular")
     };
-    crate::notebook::call(py, "Diagram", (data(py, &drawn.ok_or_else(missing)?)?,))
+    Ok(crate::notebook::call(py, "Diagram", (data(py, &drawn.ok_or_else(missing)?)?,))?.unbind())
 }
 
 fn points<const D: usize>(outcomes: &[Bound<'_, Outcome>]) -> PyResult<Vec<LawPoint<D>>> {

@@ -1,13 +1,13 @@
 //! Methods of `Chain`: kinematics and dynamics of a state or of a batch.
 
-use crate::array::{Array, Given, Maybe, Target, array, list, together, vector};
+use crate::array::{Given, Maybe, Target, list, together, vector};
 use crate::batch::each_row;
 use crate::chain::Chain;
-use crate::error::raise;
+use crate::error::{exceptions, raise};
 use carom_chain::{ChainError, FramePoint, Kinematics, Point, Spatial, ToolMotion, Workspace};
 use carom_sim::{ImpactLoads, JointImpulse};
 use nalgebra::{DMatrix, Vector3};
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyType};
@@ -17,15 +17,14 @@ type Kin<'a> = Kinematics<'a, Spatial<f64>>;
 impl Chain {
     /// Reads configurations and `vectors` of length nv with their names, computes `work` at each state, and writes its numbers
     /// into `out`, of the shape `each` for one state.
-    fn at_states<'py, const N: usize>(
+    fn at_states<const N: usize>(
         &self,
-        py: Python<'py>,
-        q: Given<'_, 'py>,
-        vectors: [(&'static str, Given<'_, 'py>); N],
-        (each, out): (&[usize], Maybe<'_, 'py>),
+        q: Given,
+        vectors: [(&'static str, Given); N],
+        (each, out): (&[usize], Maybe),
         work: impl Fn(&mut Kin, [&[f64]; N], &mut [f64]) -> Result<(), ChainError> + Sync + Send,
-    ) -> PyResult<Array<'py>> {
-        let (q, chain) = (self.q(q)?, &*self.chain);
+    ) -> PyResult<Py<PyAny>> {
+        let (py, q, chain) = (q.py(), self.q(q)?, &*self.chain);
         let given = vectors.map(|(what, given)| self.v(what, given).map(|rows| (what, rows)));
         let given = given.into_iter().collect::<PyResult<Vec<_>>>()?;
         let count = together([("q", &q)].into_iter().chain(given.iter().map(|(what, rows)| (*what, rows))))?;
@@ -85,9 +84,9 @@ impl Chain {
     /// Raises:
     ///     StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
     #[pyo3(signature = (q, *, out=None))]
-    fn mass_matrix<'py>(&self, py: Python<'py>, q: Given<'_, 'py>, out: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
+    fn mass_matrix(&self, q: Given, out: Maybe) -> PyResult<Py<PyAny>> {
         let nv = self.chain.nv();
-        self.at_states(py, q, [], (&[nv, nv], out), |kin, [], out| {
+        self.at_states(q, [], (&[nv, nv], out), |kin, [], out| {
             // A symmetric matrix has the same entries in the order of C and of Fortran.
             kin.mass_matrix_into(&mut nalgebra::DMatrixViewMut::from_slice(out, nv, nv));
             Ok(())
@@ -101,15 +100,7 @@ impl Chain {
     ///     frame: name of the link.
     ///     point: the point in the axes of the frame, from its origin, m.
     #[pyo3(signature = (q, frame, point=None, *, full=false, out=None))]
-    fn jacobian<'py>(
-        &self,
-        py: Python<'py>,
-        q: Given<'_, 'py>,
-        frame: &str,
-        point: Maybe<'_, 'py>,
-        full: bool,
-        out: Maybe<'_, 'py>,
-    ) -> PyResult<Array<'py>> {
+    fn jacobian(&self, q: Given, frame: &str, point: Maybe, full: bool, out: Maybe) -> PyResult<Py<PyAny>> {
         let (nv, frame_id) = (self.chain.nv(), self.frame(frame)?);
         if full && point.is_some() {
             let message = "full=True gives the Jacobian of the frame's origin: leave point out";
@@ -117,7 +108,7 @@ impl Chain {
         }
         let point = self.point(frame, point)?;
         let rows = if full { 6 } else { 3 };
-        self.at_states(py, q, [], (&[rows, nv], out), |kin, [], out| {
+        self.at_states(q, [], (&[rows, nv], out), |kin, [], out| {
             if full {
                 by_rows(&kin.geometric_jacobian(frame_id), out);
             } else {
@@ -132,9 +123,9 @@ impl Chain {
 
     /// Pose of a frame in the world, shape (4, 4) or (B, 4, 4): rotation and position (m) as a homogeneous matrix.
     #[pyo3(signature = (q, frame, *, out=None))]
-    fn pose<'py>(&self, py: Python<'py>, q: Given<'_, 'py>, frame: &str, out: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
+    fn pose(&self, q: Given, frame: &str, out: Maybe) -> PyResult<Py<PyAny>> {
         let frame = self.frame(frame)?;
-        self.at_states(py, q, [], (&[4, 4], out), |kin, [], out| {
+        self.at_states(q, [], (&[4, 4], out), |kin, [], out| {
             let pose = kin.pose(frame);
             for i in 0..3 {
                 (0..3).for_each(|k| out[4 * i + k] = pose.rotation[(i, k)]);
@@ -147,16 +138,9 @@ impl Chain {
 
     /// Position of a point in the world, shape (3,) or (B, 3), m.
     #[pyo3(signature = (q, frame, point=None, *, out=None))]
-    fn position<'py>(
-        &self,
-        py: Python<'py>,
-        q: Given<'_, 'py>,
-        frame: &str,
-        point: Maybe<'_, 'py>,
-        out: Maybe<'_, 'py>,
-    ) -> PyResult<Array<'py>> {
+    fn position(&self, q: Given, frame: &str, point: Maybe, out: Maybe) -> PyResult<Py<PyAny>> {
         let point = self.point(frame, point)?;
-        self.at_states(py, q, [], (&[3], out), |kin, [], out| {
+        self.at_states(q, [], (&[3], out), |kin, [], out| {
             out.copy_from_slice(kin.position(point).as_slice());
             Ok(())
         })
@@ -172,23 +156,22 @@ impl Chain {
     ///         "without-rotation": the link does not turn, and of these the ones of the least kinetic energy.
     ///
     /// Raises:
-    ///     ChainError: no joint velocities give the point this velocity.
+    ///     ChainError: no joint velocities give the point this velocity; an unknown motion.
     #[pyo3(signature = (q, frame, velocity, *, point=None, motion="least-energy", out=None))]
-    #[allow(clippy::too_many_arguments)]
-    fn tool_velocity<'py>(
+    fn tool_velocity(
         &self,
-        py: Python<'py>,
-        q: Given<'_, 'py>,
+        q: Given,
         frame: &str,
-        velocity: Given<'_, 'py>,
-        point: Maybe<'_, 'py>,
+        velocity: Given,
+        point: Maybe,
         motion: &str,
-        out: Maybe<'_, 'py>,
-    ) -> PyResult<Array<'py>> {
-        let motion = ToolMotion::from_name(motion).map_err(|why| PyValueError::new_err(format!("motion: {why}")))?;
+        out: Maybe,
+    ) -> PyResult<Py<PyAny>> {
+        let motion =
+            ToolMotion::from_name(motion).map_err(|why| exceptions::ChainError::new_err(format!("motion: {why}")))?;
         let at = FramePoint::new(self.frame(frame)?, offset(point)?);
         let velocity: Vector3<f64> = vector("velocity", velocity)?.into();
-        self.at_states(py, q, [], (&[self.chain.nv()], out), |kin, [], out| {
+        self.at_states(q, [], (&[self.chain.nv()], out), |kin, [], out| {
             out.copy_from_slice(kin.tool_velocity(at, velocity, motion)?.as_slice());
             Ok(())
         })
@@ -232,16 +215,9 @@ impl Chain {
     /// Args:
     ///     gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
     #[pyo3(signature = (q, qd, *, gravity=None, out=None))]
-    fn bias<'py>(
-        &self,
-        py: Python<'py>,
-        q: Given<'_, 'py>,
-        qd: Given<'_, 'py>,
-        gravity: Maybe<'_, 'py>,
-        out: Maybe<'_, 'py>,
-    ) -> PyResult<Array<'py>> {
+    fn bias(&self, q: Given, qd: Given, gravity: Maybe, out: Maybe) -> PyResult<Py<PyAny>> {
         let gravity = free_fall(gravity)?;
-        self.at_states(py, q, [("qd", qd)], (&[self.chain.nv()], out), |kin, [qd], out| {
+        self.at_states(q, [("qd", qd)], (&[self.chain.nv()], out), |kin, [qd], out| {
             out.copy_from_slice(kin.bias(qd, gravity)?.as_slice());
             Ok(())
         })
@@ -253,18 +229,10 @@ impl Chain {
     ///     qdd: joint accelerations, shape of qd.
     ///     gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
     #[pyo3(signature = (q, qd, qdd, *, gravity=None, out=None))]
-    fn inverse_dynamics<'py>(
-        &self,
-        py: Python<'py>,
-        q: Given<'_, 'py>,
-        qd: Given<'_, 'py>,
-        qdd: Given<'_, 'py>,
-        gravity: Maybe<'_, 'py>,
-        out: Maybe<'_, 'py>,
-    ) -> PyResult<Array<'py>> {
+    fn inverse_dynamics(&self, q: Given, qd: Given, qdd: Given, gravity: Maybe, out: Maybe) -> PyResult<Py<PyAny>> {
         let gravity = free_fall(gravity)?;
         let vectors = [("qd", qd), ("qdd", qdd)];
-        self.at_states(py, q, vectors, (&[self.chain.nv()], out), |kin, [qd, qdd], out| {
+        self.at_states(q, vectors, (&[self.chain.nv()], out), |kin, [qd, qdd], out| {
             kin.inverse_dynamics_into(qd, qdd, gravity, out)
         })
     }
@@ -276,18 +244,17 @@ impl Chain {
     ///     qdd: joint accelerations, shape of qd.
     ///     gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
     #[pyo3(signature = (q, qd, qdd, *, gravity=None, out=None))]
-    fn inverse_dynamics_derivatives<'py>(
+    fn inverse_dynamics_derivatives(
         &self,
-        py: Python<'py>,
-        q: Given<'_, 'py>,
-        qd: Given<'_, 'py>,
-        qdd: Given<'_, 'py>,
-        gravity: Maybe<'_, 'py>,
-        out: Maybe<'_, 'py>,
-    ) -> PyResult<Array<'py>> {
+        q: Given,
+        qd: Given,
+        qdd: Given,
+        gravity: Maybe,
+        out: Maybe,
+    ) -> PyResult<Py<PyAny>> {
         let gravity = free_fall(gravity)?;
         let (vectors, nv) = ([("qd", qd), ("qdd", qdd)], self.chain.nv());
-        self.at_states(py, q, vectors, (&[2, nv, nv], out), |kin, [qd, qdd], out| {
+        self.at_states(q, vectors, (&[2, nv, nv], out), |kin, [qd, qdd], out| {
             let both = kin.inverse_dynamics_derivatives(qd, qdd, gravity)?;
             // NumPy's rows are nalgebra's columns.
             for (out, by) in out.chunks_mut((nv * nv).max(1)).zip(&both) {
@@ -306,21 +273,11 @@ impl Chain {
     /// Raises:
     ///     ChainError: a singular mass matrix, massless links.
     #[pyo3(signature = (q, qd, tau=None, *, gravity=None, out=None))]
-    fn forward_dynamics<'py>(
-        &self,
-        py: Python<'py>,
-        q: Given<'_, 'py>,
-        qd: Given<'_, 'py>,
-        tau: Maybe<'_, 'py>,
-        gravity: Maybe<'_, 'py>,
-        out: Maybe<'_, 'py>,
-    ) -> PyResult<Array<'py>> {
+    fn forward_dynamics(&self, q: Given, qd: Given, tau: Maybe, gravity: Maybe, out: Maybe) -> PyResult<Py<PyAny>> {
         let nv = self.chain.nv();
-        let zero = array(py, vec![0.0; nv], &[nv])?;
+        let zero = list(q.py(), &vec![0.0; nv])?;
         let (vectors, gravity) = ([("qd", qd), ("tau", tau.unwrap_or(&zero))], free_fall(gravity)?);
-        self.at_states(py, q, vectors, (&[nv], out), |kin, [qd, tau], out| {
-            kin.forward_dynamics_into(qd, tau, gravity, out)
-        })
+        self.at_states(q, vectors, (&[nv], out), |kin, [qd, tau], out| kin.forward_dynamics_into(qd, tau, gravity, out))
     }
 
     /// Delassus matrix H = J M⁻¹ Jᵀ of a point (inverse inertia at a contact), shape (3, 3) or (B, 3, 3), world axes, 1/kg.
@@ -328,16 +285,9 @@ impl Chain {
     /// Raises:
     ///     ChainError: a singular mass matrix, massless links, a point of a link that is fixed to the world.
     #[pyo3(signature = (q, frame, point=None, *, out=None))]
-    fn delassus<'py>(
-        &self,
-        py: Python<'py>,
-        q: Given<'_, 'py>,
-        frame: &str,
-        point: Maybe<'_, 'py>,
-        out: Maybe<'_, 'py>,
-    ) -> PyResult<Array<'py>> {
+    fn delassus(&self, q: Given, frame: &str, point: Maybe, out: Maybe) -> PyResult<Py<PyAny>> {
         let point = self.point(frame, point)?;
-        self.at_states(py, q, [], (&[3, 3], out), |kin, [], out| {
+        self.at_states(q, [], (&[3, 3], out), |kin, [], out| {
             let response = kin.contact(point, Vector3::zeros(), &[])?;
             (0..9).for_each(|k| out[k] = response.delassus[k % 3][k / 3]);
             Ok(())
@@ -350,21 +300,13 @@ impl Chain {
     /// Args:
     ///     normal: the direction, world axes, of any length but zero.
     #[pyo3(signature = (q, frame, normal, point=None, *, out=None))]
-    fn effective_mass<'py>(
-        &self,
-        py: Python<'py>,
-        q: Given<'_, 'py>,
-        frame: &str,
-        normal: Given<'_, 'py>,
-        point: Maybe<'_, 'py>,
-        out: Maybe<'_, 'py>,
-    ) -> PyResult<Array<'py>> {
+    fn effective_mass(&self, q: Given, frame: &str, normal: Given, point: Maybe, out: Maybe) -> PyResult<Py<PyAny>> {
         let (point, given) = (self.point(frame, point)?, vector("normal", normal)?);
         let Some(normal) = Vector3::from(given).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite())) else {
             let length = Vector3::from(given).norm();
             return Err(raise(ChainError::NoDirection { given: given.to_vec(), length }));
         };
-        self.at_states(py, q, [], (&[], out), |kin, [], out| {
+        self.at_states(q, [], (&[], out), |kin, [], out| {
             let response = kin.contact(point, normal, &[])?;
             out[0] = if response.moves() { 1.0 / response.mobility } else { f64::INFINITY };
             Ok(())
@@ -377,24 +319,18 @@ impl Chain {
     /// Args:
     ///     gravity: acceleration of free fall, world axes, m/s²; (0, 0, -9.81) by default.
     #[pyo3(signature = (q, qd, *, gravity=None))]
-    fn energies<'py>(
-        &self,
-        py: Python<'py>,
-        q: Given<'_, 'py>,
-        qd: Given<'_, 'py>,
-        gravity: Maybe<'_, 'py>,
-    ) -> PyResult<Array<'py>> {
+    fn energies(&self, q: Given, qd: Given, gravity: Maybe) -> PyResult<Py<PyAny>> {
         let gravity = free_fall(gravity)?;
-        let kinetic = self.at_states(py, q, [("qd", qd)], (&[], None), |kin, [qd], out| {
+        let kinetic = self.at_states(q, [("qd", qd)], (&[], None), |kin, [qd], out| {
             out[0] = kin.kinetic_energy(qd)?;
             Ok(())
         })?;
         // With qd, so that both have the length of a batch of velocities at one configuration.
-        let potential = self.at_states(py, q, [("qd", qd)], (&[], None), |kin, _, out| {
+        let potential = self.at_states(q, [("qd", qd)], (&[], None), |kin, _, out| {
             out[0] = kin.potential_energy(gravity);
             Ok(())
         })?;
         static ENERGIES: PyOnceLock<Py<PyType>> = PyOnceLock::new();
-        ENERGIES.import(py, "carom._results", "Energies")?.call1((kinetic, potential))
+        Ok(ENERGIES.import(q.py(), "carom._results", "Energies")?.call1((kinetic, potential))?.unbind())
     }
 }

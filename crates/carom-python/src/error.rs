@@ -8,7 +8,8 @@ use carom_study::fit::FitError;
 use carom_study::map_study::StudyError;
 use carom_study::orbit::OrbitError;
 use carom_study::{RowsError, TableError, TossError};
-use pyo3::PyErr;
+use pyo3::exceptions::PyUserWarning;
+use pyo3::prelude::*;
 
 /// The exceptions, defined in `python/carom/_errors.py`.
 pub mod exceptions {
@@ -45,12 +46,6 @@ impl Raise for ChainError {
     }
 }
 
-impl Raise for ImpactError {
-    fn raise(&self, at: &str) -> PyErr {
-        exceptions::ImpactError::new_err(format!("{at}{self}"))
-    }
-}
-
 impl Raise for SimError {
     fn raise(&self, at: &str) -> PyErr {
         match self {
@@ -67,55 +62,29 @@ impl Raise for SimError {
     }
 }
 
-impl Raise for StudyError {
-    fn raise(&self, at: &str) -> PyErr {
-        match self {
-            Self::Robot(error) => error.raise(at),
-            _ => exceptions::StudyError::new_err(format!("{at}{self}")),
+/// Errors with one exception each; the error of another crate within becomes the exception of that.
+macro_rules! raise_as {
+    ($($error:ident $(except $inner:ident)? => $exception:ident),+ $(,)?) => {$(
+        impl Raise for $error {
+            fn raise(&self, at: &str) -> PyErr {
+                match self {
+                    $(Self::$inner(error) => error.raise(at),)?
+                    _ => exceptions::$exception::new_err(format!("{at}{self}")),
+                }
+            }
         }
-    }
+    )+};
 }
 
-impl Raise for RowsError {
-    fn raise(&self, at: &str) -> PyErr {
-        exceptions::StudyError::new_err(format!("{at}{self}"))
-    }
-}
-
-impl Raise for TableError {
-    fn raise(&self, at: &str) -> PyErr {
-        exceptions::StudyError::new_err(format!("{at}{self}"))
-    }
-}
-
-impl Raise for OrbitError {
-    fn raise(&self, at: &str) -> PyErr {
-        match self {
-            Self::Run(error) => error.raise(at),
-            _ => exceptions::StudyError::new_err(format!("{at}{self}")),
-        }
-    }
-}
-
-impl Raise for AimError {
-    fn raise(&self, at: &str) -> PyErr {
-        match self {
-            Self::Run(error) => error.raise(at),
-            _ => exceptions::StudyError::new_err(format!("{at}{self}")),
-        }
-    }
-}
-
-impl Raise for FitError {
-    fn raise(&self, at: &str) -> PyErr {
-        exceptions::FitError::new_err(format!("{at}{self}"))
-    }
-}
-
-impl Raise for TossError {
-    fn raise(&self, at: &str) -> PyErr {
-        exceptions::FitError::new_err(format!("{at}{self}"))
-    }
+raise_as! {
+    ImpactError => ImpactError,
+    StudyError except Robot => StudyError,
+    AimError except Run => StudyError,
+    OrbitError except Run => StudyError,
+    RowsError => StudyError,
+    TableError => StudyError,
+    FitError => FitError,
+    TossError => FitError,
 }
 
 /// An error with the number of its state in a batch.
@@ -131,6 +100,12 @@ impl<E: Raise> From<InBatch<E>> for PyErr {
         let at = it.state.map_or_else(String::new, |k| format!("state {k}: "));
         it.error.raise(&at)
     }
+}
+
+/// Warns the caller.
+pub fn warn(py: Python<'_>, message: String) -> PyResult<()> {
+    let text = std::ffi::CString::new(message).unwrap_or_default();
+    PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)
 }
 
 /// The exception of an error that has no place in a batch.

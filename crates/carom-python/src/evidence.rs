@@ -1,6 +1,6 @@
 //! Comparisons of laws and of methods: `carom.compare`, `carom.tosses`, `carom.chart`.
 
-use crate::array::{Array, Given};
+use crate::array::{Array, Given, count};
 use crate::error::{exceptions, raise};
 use crate::fit::{horizon_of, measured, start_of};
 use crate::laws::GivenLaw;
@@ -22,10 +22,14 @@ use std::time::Duration;
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct Options {
+    #[pyo3(from_py_with = count)]
     folds: usize,
+    #[pyo3(from_py_with = count)]
     seed: u64,
     max_friction: f64,
+    #[pyo3(from_py_with = count)]
     trials: usize,
+    #[pyo3(from_py_with = count)]
     fitted: usize,
     horizon: String,
     judge: String,
@@ -112,7 +116,6 @@ pub fn compare_laws<'py>(
 ///     FitError: a folder that cannot be read, or none of whose tosses can be simulated; an option out of its range.
 #[pyfunction]
 #[pyo3(signature = (folder, law, *, robot=None, start="fitted", length=0.0524, tolerance=1e-9, contact_step=5e-4))]
-#[allow(clippy::too_many_arguments)]
 pub fn tosses<'py>(
     py: Python<'py>,
     folder: PathBuf,
@@ -161,14 +164,8 @@ pub fn tosses<'py>(
 ///         contacts.
 #[pyfunction]
 #[pyo3(signature = (scene, *, budget=10.0, stiffness=false, title=None))]
-pub fn chart<'py>(
-    py: Python<'py>,
-    scene: &Bound<'py, Scene>,
-    budget: f64,
-    stiffness: bool,
-    title: Option<String>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let scene = scene.get();
+pub fn chart(scene: &Bound<Scene>, budget: f64, stiffness: bool, title: Option<String>) -> PyResult<Py<PyDict>> {
+    let (py, scene) = (scene.py(), scene.get());
     if !scene.functions.is_empty() {
         return Err(PyValueError::new_err("a scene with laws or a controller in Python has no chart: leave them out"));
     }
@@ -189,8 +186,8 @@ pub fn chart<'py>(
         let chart = left_behind(py, move |stop| Chart::of(&scene, budget, &mut |_| halt(stop)))?.map_err(raise)?;
         (pythonize(py, &chart)?, chart.csv(), chart.svg(&title))
     };
-    let found: Bound<'py, PyDict> = found.cast_into()?;
+    let found: Bound<'_, PyDict> = found.cast_into()?;
     found.set_item("csv", csv)?;
     found.set_item("svg", svg)?;
-    Ok(found)
+    Ok(found.unbind())
 }

@@ -1,6 +1,6 @@
 //! Fits of coefficients to measured impacts.
 
-use crate::array::{Array, Numbers, array, shown, vector};
+use crate::array::{Array, Numbers, array, count, shown, vector};
 use crate::chain::Chain;
 use crate::dynamics::offset;
 use crate::error::{Raise, exceptions, raise};
@@ -87,6 +87,7 @@ struct Options {
     inertia: bool,
     max_friction: f64,
     train: f64,
+    #[pyo3(from_py_with = count)]
     seed: u64,
     confidence: f64,
 }
@@ -238,7 +239,6 @@ pub fn horizon_of(what: &str, word: &str) -> PyResult<Horizon> {
 
 /// Fits to tosses: see `carom.fit`.
 #[pyfunction]
-#[allow(clippy::too_many_arguments)]
 pub fn fit_tosses(
     py: Python<'_>,
     folder: PathBuf,

@@ -5,7 +5,7 @@ use crate::chain::Chain;
 use crate::dynamics::free_fall;
 use crate::error::{exceptions, raise};
 use crate::impacts::{self, Each, Impacts};
-use crate::laws::{GivenLaw, each_law};
+use crate::laws::{GivenLaw, each_law, of_laws};
 use crate::notebook;
 use crate::pickle::{Pickled, fields};
 use carom_impact::{CoefficientRanges, Flags, LawInfo};
@@ -13,7 +13,7 @@ use carom_sim::{ChainImpact, ImpactBand, ImpactDerivative, Impacts as _, JointMo
 use nalgebra::{DMatrix, Vector3};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::PyDict;
 
 /// The action of the drives, from Python.
 pub enum Joints {
@@ -53,8 +53,8 @@ impl Joints {
             let diagonal = |key: &'static str| -> PyResult<Vec<f64>> {
                 let given = need(key)?;
                 match given.extract::<f64>() {
-                    Ok(all) => Ok(vec![all; chain.chain.nv()]),
-                    Err(_) => Ok(chain.v(key, &given)?.plain().row(0).to_vec()),
+                    Ok(all) => Ok(JointModel::for_all_joints(&chain.chain, all)),
+                    Err(_) => chain.v(key, &given)?.single(key),
                 }
             };
             let (stiffness, damping) = (diagonal("stiffness")?, diagonal("damping")?);
@@ -282,10 +282,10 @@ impl Chain {
     ///         with a normal for each state.
     ///     law: an impact law like carom.Energetic(0.5, 0.2), a function of H and u, or a list of them.
     ///     restitution, friction: instead of the coefficients of the law, numbers or shape (B,); not for a function.
-    ///     joints: "free", "locked", a list of names of locked joints, or a dict of stiffness, damping (numbers or shape (nv,))
-    ///         and contact_time (s) of drives that act during the impact.
-    ///     derivatives: also computes the derivatives of qd_plus by q, qd, restitution and friction.
-    ///     saltation: also computes the saltation matrix for an impact with a plane at rest.
+    ///     joints: "free", "locked", a list of names of locked joints, or a dict of stiffness, damping (one number for all joints but a
+    ///         floating base, or shape (nv,)) and contact_time (s) of drives that act during the impact.
+    ///     derivatives: also computes the derivatives of qd_plus by q, qd, restitution and friction; with free joints only.
+    ///     saltation: also computes the saltation matrix for an impact with a plane at rest; with free joints only.
     ///     gravity: acceleration of free fall for the saltation matrix, world axes, m/s²; (0, 0, -9.81) by default.
     ///     band: ((e_low, e_high), (mu_low, mu_high)): also computes bounds over these ranges of the coefficients.
     ///
@@ -296,7 +296,6 @@ impl Chain {
     ///     StateError: a wrong shape, or numbers that are not finite.
     ///     ImpactError: a fixed point, a singular direction, a law without a solution; derivatives of a law in Python.
     #[pyo3(signature = (q, qd, frame, normal, law, *, point=None, restitution=None, friction=None, joints=None, derivatives=false, saltation=false, gravity=None, band=None))]
-    #[allow(clippy::too_many_arguments)]
     fn impact<'py>(
         &self,
         py: Python<'py>,
@@ -373,11 +372,7 @@ impl Chain {
                 let found = found.map_err(|e| law.raise(e))?;
                 Ok(Bound::new(py, Impacts::new(py, found, self.chain.nv(), law.in_space().name())?)?.into_any())
             };
-            if several {
-                let all: Vec<_> = laws.iter().map(one).collect::<PyResult<_>>()?;
-                return Ok(PyList::new(py, all)?.into_any());
-            }
-            one(&laws[0])
+            of_laws(py, &laws, several, one)
         })
     }
 }

@@ -3,6 +3,7 @@
 use crate::array::{Array, Given, Numbers, Plain, array, bytes, list};
 use crate::batch::{CHUNK, first_error};
 use crate::error::InBatch;
+use crate::error::exceptions::ImpactError;
 use crate::impact::{Derivatives, FLAGS, Impact, Wanted, bits};
 use crate::laws::{GivenLaw, texts};
 use crate::notebook;
@@ -11,7 +12,7 @@ use crate::threads::on_all_cores;
 use carom_impact::{Account, Flags, ImpactOutcome, Mode};
 use carom_sim::{ChainImpact, PreparedStrike, SimError, States, Strike};
 use nalgebra::{DMatrix, Vector3};
-use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyIterator, PyRange, PyTuple};
 use rayon::prelude::*;
@@ -175,7 +176,8 @@ pub fn compute<'a, F: Fn(usize) -> Strike<'a> + Sync>(
 
 /// Impacts of a batch of B states.
 ///
-/// `impacts[k]` is the Impact of state k; a slice, an array of numbers or one of B booleans gives the Impacts of these states.
+/// `impacts[k]` is the Impact of state k; a slice, an array of numbers or one of B booleans gives the Impacts of these states. Its arrays
+/// are read-only: copy one to change it.
 #[pyclass(frozen, module = "carom")]
 pub struct Impacts {
     count: usize,
@@ -246,6 +248,16 @@ impl Impacts {
         list(py, &energies.slice().chunks_exact(5).map(ratio).collect::<Vec<_>>())
     }
 
+    /// The derivatives in a dict of its own.
+    fn by<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(all) = &self.derivatives else { return Ok(None) };
+        let own = PyDict::new(py);
+        for (name, of) in all.bind(py) {
+            own.set_item(name, read_only(&of)?)?;
+        }
+        Ok(Some(own))
+    }
+
     fn names(&self, py: Python<'_>) -> PyResult<Vec<Vec<&'static str>>> {
         let bits: Vec<usize> = Self::column(py, &self.codes, 1)?.call_method0("tolist")?.extract()?;
         let set = |bits: usize| FLAGS.iter().enumerate().filter(move |(bit, _)| bits >> bit & 1 == 1);
@@ -254,8 +266,15 @@ impl Impacts {
 
     /// Column k of an array.
     fn column<'py>(py: Python<'py>, of: &Py<PyAny>, k: usize) -> PyResult<Array<'py>> {
-        of.bind(py).get_item((pyo3::types::PySlice::full(py), k))
+        read_only(of.bind(py))?.get_item((pyo3::types::PySlice::full(py), k))
     }
+}
+
+/// A view through which an array of the results, of which all calls share the memory, is not written.
+fn read_only<'py>(of: &Array<'py>) -> PyResult<Array<'py>> {
+    let view = of.call_method0("view")?;
+    view.call_method1("setflags", (false,))?;
+    Ok(view)
 }
 
 fn derivatives(py: Python<'_>, by: Vec<f64>, b: usize, nv: usize) -> PyResult<Py<PyDict>> {
@@ -276,13 +295,13 @@ fn derivatives(py: Python<'_>, by: Vec<f64>, b: usize, nv: usize) -> PyResult<Py
 
 getters! { Impacts, self, py {
     /// Joint velocities after the impacts, shape (B, nv); rad/s, m/s.
-    qd_plus: Py<PyAny> = self.blocks[0].clone_ref(py);
+    qd_plus: Array<'py> = read_only(self.blocks[0].bind(py))?;
     /// Impulses on the robot, shape (B, 3), world axes, N s.
-    impulse: Py<PyAny> = self.blocks[1].clone_ref(py);
+    impulse: Array<'py> = read_only(self.blocks[1].bind(py))?;
     /// Velocities of the contact point before, shape (B, 3), world axes, m/s.
-    u_minus: Py<PyAny> = self.blocks[2].clone_ref(py);
+    u_minus: Array<'py> = read_only(self.blocks[2].bind(py))?;
     /// Velocities of the contact point after, shape (B, 3), world axes, m/s.
-    u_plus: Py<PyAny> = self.blocks[3].clone_ref(py);
+    u_plus: Array<'py> = read_only(self.blocks[3].bind(py))?;
     /// T⁺/T⁻ of the robot, shape (B,); 1 at rest.
     energy_ratio: Array<'py> = self.ratio(py)?;
     /// Kinetic energies of the robot before, shape (B,), J.
@@ -296,7 +315,7 @@ getters! { Impacts, self, py {
     /// Works of the drives, shape (B,), J.
     drive_work: Array<'py> = Self::column(py, &self.blocks[4], 4)?;
     /// Impulses of the drives on each joint, shape (B, nv), N m s or N s.
-    drive_impulse: Py<PyAny> = self.blocks[5].clone_ref(py);
+    drive_impulse: Array<'py> = read_only(self.blocks[5].bind(py))?;
     /// Contact modes at the end of the impacts, an array of texts of shape (B,): "open", "stick", "slip", "reverse-slip".
     mode: Array<'py>, "NDArray[np.str_]" = texts(py, &MODES.map(Mode::name))?.get_item(Self::column(py, &self.codes, 0)?)?;
     /// The names of the flags that are set at each state, a list of B lists of texts, as `Impact.flags`.
@@ -307,7 +326,7 @@ getters! { Impacts, self, py {
     law: &'static str = self.law;
     /// With derivatives=True a dict of the derivatives of qd_plus: "q" and "qd" of shape (B, nv, nv), "restitution" and
     /// "friction" of shape (B, nv). Else None.
-    derivatives: Option<Py<PyDict>>, "dict[str, _Floats] | None" = self.derivatives.as_ref().map(|dict| dict.clone_ref(py));
+    derivatives: Option<Bound<'py, PyDict>>, "dict[str, _Floats] | None" = self.by(py)?;
 } }
 
 #[pymethods]
@@ -352,10 +371,15 @@ impl Impacts {
     ///
     /// Args:
     ///     name: "energy-gain", "jam", "singular", "grazing", "non-unique" or "no-approach".
+    ///
+    /// Raises:
+    ///     ImpactError: an unknown name.
     fn flagged<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Array<'py>> {
         let Some(bit) = FLAGS.iter().position(|(flag, _)| *flag == name) else {
             let names = FLAGS.map(|(flag, _)| flag).join(", ");
-            return Err(PyValueError::new_err(format!("no flag is named '{name}': the flags are {names}")));
+            return Err(ImpactError::new_err(format!(
+                "name is '{name}', and no flag is named so: the flags are {names}"
+            )));
         };
         Self::column(py, &self.codes, 1)?.bitand(1u8 << bit)?.call_method1("astype", ("bool",))
     }

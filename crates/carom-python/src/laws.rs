@@ -84,7 +84,8 @@ macro_rules! class {
         /// Args:
         ///     restitution: 0 to 1.
         ///     friction: size of the impulse ratio, which is directed towards rest; 0 or more.
-        ///     impulse_ratio: instead of friction, tangential over normal impulse, negative against the initial slip.
+        ///     impulse_ratio: instead of friction, tangential over normal impulse, negative against the initial slip. Where the ratio
+        ///         that ends the slip has the other sign, friction would act away from rest, and the tangential impulse is 0.
         ///
         /// Raises:
         ///     ImpactError: a coefficient out of its range.
@@ -372,6 +373,20 @@ pub fn each_law(given: Given) -> PyResult<(Vec<GivenLaw>, bool)> {
         return Ok((laws, true));
     }
     Ok((vec![GivenLaw::read(given)?], false))
+}
+
+/// What `one` makes of the laws of [`each_law`]: of one law, or a list of them.
+pub fn of_laws<'py>(
+    py: Python<'py>,
+    laws: &[GivenLaw],
+    several: bool,
+    one: impl Fn(&GivenLaw) -> PyResult<Array<'py>>,
+) -> PyResult<Array<'py>> {
+    if several {
+        let all: Vec<_> = laws.iter().map(one).collect::<PyResult<_>>()?;
+        return Ok(PyList::new(py, all)?.into_any());
+    }
+    one(&laws[0])
 }
 
 /// Matrix and vector of a contact with D axes.

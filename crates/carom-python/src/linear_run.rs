@@ -1,7 +1,8 @@
 //! Runs as linear maps.
 
-use crate::array::{Array, Numbers, list};
-use crate::error::{exceptions, raise};
+use crate::array::{Array, Given, Maybe, Numbers, Rows, list, rows, together};
+use crate::error::raise;
+use carom_sim::ByOutcome;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
@@ -17,6 +18,11 @@ pub struct LinearRun {
 impl LinearRun {
     pub fn new(run: carom_sim::LinearRun, columns: Vec<usize>) -> Self {
         Self { run, columns }
+    }
+
+    /// How many numbers the final displacement and velocity have.
+    fn numbers(&self) -> usize {
+        2 * self.run.last().qd.len()
     }
 }
 
@@ -41,40 +47,53 @@ impl LinearRun {
     }
 
     /// The changes of the final displacement and velocity, shape (2 nv,), and of the times of the events, by a change of the numbers of
-    /// `names`, shape (columns,). Changes of times whose digits do not count are nan.
+    /// `names`, shape (columns,), or of a batch of B of them, shape (B, columns): then (B, 2 nv) and (B, events). Changes of times whose digits
+    /// do not count are nan.
     ///
     /// Raises:
     ///     StateError: a wrong number of changes.
-    fn jvp<'py>(&self, py: Python<'py>, change: &Bound<'py, PyAny>) -> PyResult<(Array<'py>, Array<'py>)> {
-        let change = Numbers::read("change", change)?;
-        let (given, needed) = (change.slice().len(), self.columns.len());
-        if given != needed {
-            let message = format!("change has {given} numbers: give {needed}, one for each of names");
-            return Err(exceptions::StateError::new_err(message));
+    fn jvp<'py>(&self, py: Python<'py>, change: Given) -> PyResult<(Array<'py>, Array<'py>)> {
+        let layout = || "one for each of names".to_owned();
+        let changes = Numbers::read("change", change)?.rows("change", self.columns.len(), layout)?;
+        let (count, changes) = (changes.count(), changes.plain());
+        let (mut last, mut times) = (Vec::new(), Vec::new());
+        for k in 0..count.unwrap_or(1) {
+            let mut whole = vec![0.0; self.run.names().len()];
+            self.columns.iter().zip(changes.row(k)).for_each(|(&k, by)| whole[k] += by);
+            let (own, at) = self.run.jvp(&whole).map_err(raise)?;
+            last.extend(own);
+            times.extend(at);
         }
-        let mut whole = vec![0.0; self.run.names().len()];
-        self.columns.iter().zip(change.slice()).for_each(|(&k, by)| whole[k] += by);
-        let (last, times) = self.run.jvp(&whole).map_err(raise)?;
-        Ok((list(py, &last)?, list(py, &times)?))
+        Ok((rows(py, last, count, self.numbers())?, rows(py, times, count, self.run.events().count())?))
     }
 
     /// The gradient of a number by the numbers of `names`, shape (columns,), from its derivatives by the final displacement and
-    /// velocity, shape (2 nv,), and by the times of the events, shape (events,).
+    /// velocity, shape (2 nv,), and by the times of the events, shape (events,); of B numbers at once from (B, 2 nv) and (B, events), shape (B,
+    /// columns).
     ///
     /// Raises:
-    ///     SimulationError: a wrong number of derivatives, one by a time whose digits do not count.
+    ///     StateError: a wrong number of derivatives.
+    ///     SimulationError: a derivative by a time whose digits do not count.
     #[pyo3(signature = (last, times=None))]
-    fn vjp<'py>(
-        &self,
-        py: Python<'py>,
-        last: &Bound<'py, PyAny>,
-        times: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Array<'py>> {
-        let last = Numbers::read("last", last)?;
-        let times = times.map(|times| Numbers::read("times", times)).transpose()?;
-        let times = times.as_ref().map_or(&[][..], Numbers::slice);
-        let gradient = self.run.vjp(last.slice(), times).map_err(raise)?;
-        list(py, &self.columns.iter().map(|&k| gradient[k]).collect::<Vec<_>>())
+    fn vjp<'py>(&self, py: Python<'py>, last: Given, times: Maybe) -> PyResult<Array<'py>> {
+        let layout = || "by the final displacement, then by the final velocity".to_owned();
+        let last = Numbers::read("last", last)?.rows("last", self.numbers(), layout)?;
+        let events = self.run.events().count();
+        let times = times
+            .map(|times| Numbers::read("times", times)?.rows("times", events, || "one for each of events".to_owned()));
+        let times = times.transpose()?;
+        let count = together([("last", &last)].into_iter().chain(times.as_ref().map(|it| ("times", it))))?;
+        let (last, times) = (last.plain(), times.as_ref().map(Rows::plain));
+        let all: Vec<ByOutcome> = (0..count.unwrap_or(1))
+            .map(|k| {
+                let times = times.as_ref().map_or(&[][..], |times| times.row(k));
+                let times = times.iter().copied().enumerate().filter(|(_, by)| *by != 0.0).collect();
+                ByOutcome { last: last.row(k).to_vec(), times, ..ByOutcome::default() }
+            })
+            .collect();
+        let gradients = self.run.gradients(&all).map_err(raise)?;
+        let own = gradients.iter().flat_map(|gradient| self.columns.iter().map(|&k| gradient[k])).collect();
+        rows(py, own, count, self.columns.len())
     }
 
     fn __reduce__(&self) -> PyResult<Py<PyAny>> {

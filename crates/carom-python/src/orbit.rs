@@ -1,12 +1,12 @@
 //! Periodic orbits: `carom.orbit`, `carom.cycles`, `carom.basin`.
 
-use crate::array::{Array, array};
-use crate::error::raise;
+use crate::array::{Array, array, count};
+use crate::error::{raise, warn};
 use crate::text::toml_text;
 use crate::threads::{left_behind, on_all_cores};
 use carom_study::orbit::{OrbitError, Problem, State};
 use carom_study::{RowFile, write_whole};
-use pyo3::exceptions::{PyTypeError, PyUserWarning, PyValueError};
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use pythonize::pythonize;
@@ -66,7 +66,7 @@ pub fn orbit<'py>(
     py: Python<'py>,
     problem: &Bound<'py, PyAny>,
     branch: bool,
-    doubled: u8,
+    #[pyo3(from_py_with = count)] doubled: u8,
     folder: PathBuf,
 ) -> PyResult<Array<'py>> {
     let given = Given::of(problem, folder)?;
@@ -79,8 +79,7 @@ pub fn orbit<'py>(
         let found = left_behind(py, move |stop| given.read(stop)?.branches(doubled))?;
         let (branch, all, fewer) = found.map_err(raise)?;
         if let Some(why) = fewer {
-            let text = std::ffi::CString::new(format!("doubled = {doubled}: {why}")).unwrap_or_default();
-            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+            warn(py, format!("doubled = {doubled}: {why}"))?;
         }
         let found = pythonize(py, &branch)?;
         if doubled > 0 {
@@ -113,8 +112,8 @@ pub fn orbit<'py>(
 pub fn cycles<'py>(
     py: Python<'py>,
     problem: &Bound<'py, PyAny>,
-    cycles: usize,
-    skip: usize,
+    #[pyo3(from_py_with = count)] cycles: usize,
+    #[pyo3(from_py_with = count)] skip: usize,
     value: Option<f64>,
     start: Option<(Vec<f64>, Vec<f64>)>,
     folder: PathBuf,

@@ -4,7 +4,7 @@
 //! A continuous joint has (cos, sin); a mimic joint has coordinates of its own, unless the model is built with `mimic=True`. A
 //! floating joint has the coordinates of carom. Planar joints are refused.
 
-use crate::array::{Array, Given, Maybe, Numbers, Rows, array, together};
+use crate::array::{Given, Maybe, Numbers, Rows, rows, together};
 use crate::chain::Chain;
 use crate::error::raise;
 use carom_chain::urdf::JointType;
@@ -12,39 +12,21 @@ use carom_chain::{ChainError, Coordinates, JointInfo};
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
 
-/// A joint of Pinocchio's model.
+/// A joint of Pinocchio's model. Position = ratio · q + shift; ratio 1 and shift 0 unless the joint mimics another.
 struct Place {
     kind: Kind,
+    ratio: f64,
+    shift: f64,
+    follows: bool,
     /// First entries: of carom's q and v, and of Pinocchio's.
     own: (usize, usize),
     pinocchio: (usize, usize),
 }
 
-#[derive(Clone, Copy)]
 enum Kind {
-    /// Position = ratio · q + shift; ratio 1 and shift 0 unless the joint mimics another.
-    One {
-        ratio: f64,
-        shift: f64,
-        follows: bool,
-    },
-    Continuous {
-        ratio: f64,
-        shift: f64,
-        follows: bool,
-    },
+    One,
+    Continuous,
     Floating,
-}
-
-impl Kind {
-    /// Lengths in Pinocchio's q and v.
-    fn lengths(self) -> (usize, usize) {
-        match self {
-            Self::One { .. } => (1, 1),
-            Self::Continuous { .. } => (2, 1),
-            Self::Floating => (7, 6),
-        }
-    }
 }
 
 /// The joints that move, in Pinocchio's order, and the lengths of its q and v.
@@ -72,19 +54,24 @@ fn places(chain: &carom_chain::Chain) -> Result<(Vec<Place>, usize, usize), Chai
         if let Some(next) = children.get(joint.child.as_str()) {
             waiting.extend(next.values().rev());
         }
-        let Some((kind, own)) = kind(chain, joint)? else { continue };
-        let (q, v) = kind.lengths();
-        places.push(Place { kind, own, pinocchio: (nq, nv) });
+        let Some(place) = place(chain, joint, (nq, nv))? else { continue };
+        let (q, v) = match place.kind {
+            Kind::One => (1, 1),
+            Kind::Continuous => (2, 1),
+            Kind::Floating => (7, 6),
+        };
+        places.push(place);
         (nq, nv) = (nq + q, nv + v);
     }
     Ok((places, nq, nv))
 }
 
-/// The kind of a joint, and its first entries in q and v.
-type Found = (Kind, (usize, usize));
-
-/// What a joint is; `None` if it does not move.
-fn kind(chain: &carom_chain::Chain, joint: &JointInfo) -> Result<Option<Found>, ChainError> {
+/// What a joint is, whose first entries of Pinocchio's q and v are `pinocchio`; `None` if it does not move.
+fn place(
+    chain: &carom_chain::Chain,
+    joint: &JointInfo,
+    pinocchio: (usize, usize),
+) -> Result<Option<Place>, ChainError> {
     let (ratio, shift, follows, coordinates) = match &joint.coordinates {
         Coordinates::None => return Ok(None),
         own @ Coordinates::Own { .. } => (1.0, 0.0, false, own),
@@ -94,7 +81,7 @@ fn kind(chain: &carom_chain::Chain, joint: &JointInfo) -> Result<Option<Found>, 
     };
     let Coordinates::Own { q, v } = coordinates else { return Ok(None) };
     let kind = match joint.kind {
-        JointType::Continuous => Kind::Continuous { ratio, shift, follows },
+        JointType::Continuous => Kind::Continuous,
         JointType::Planar => {
             return Err(ChainError::NotReducible(format!(
                 "joint '{}' is planar: Pinocchio reads no axis of planar joints, so that its coordinates are not those of the \
@@ -103,26 +90,22 @@ fn kind(chain: &carom_chain::Chain, joint: &JointInfo) -> Result<Option<Found>, 
             )));
         }
         JointType::Floating => Kind::Floating,
-        _ => Kind::One { ratio, shift, follows },
+        _ => Kind::One,
     };
-    Ok(Some((kind, (q.start, v.start))))
+    Ok(Some(Place { kind, ratio, shift, follows, own: (q.start, v.start), pinocchio }))
 }
 
-type Pair<'py> = (Rows<'py>, Option<Rows<'py>>);
-
 /// q, or (q, v), of carom in Pinocchio's order.
-pub fn to_pinocchio<'py>(py: Python<'py>, chain: &Chain, q: Given<'_, 'py>, v: Maybe<'_, 'py>) -> PyResult<Array<'py>> {
+pub fn to_pinocchio(chain: &Chain, q: Given, v: Maybe) -> PyResult<Py<PyAny>> {
     let (places, nq, nv) = places(&chain.chain).map_err(raise)?;
-    let given = (chain.q(q)?, v.map(|v| chain.v("v", v)).transpose()?);
     converted(
-        py,
-        &given,
+        (q.py(), chain.q(q)?, v.map(|v| chain.v("v", v)).transpose()?),
         (nq, nv),
         |q, out| {
-            for Place { kind, own: (own, _), pinocchio: (at, _) } in &places {
-                match *kind {
-                    Kind::One { ratio, shift, .. } => out[*at] = ratio * q[*own] + shift,
-                    Kind::Continuous { ratio, shift, .. } => {
+            for Place { kind, ratio, shift, own: (own, _), pinocchio: (at, _), .. } in &places {
+                match kind {
+                    Kind::One => out[*at] = ratio * q[*own] + shift,
+                    Kind::Continuous => {
                         let (sin, cos) = (ratio * q[*own] + shift).sin_cos();
                         out[*at..at + 2].copy_from_slice(&[cos, sin]);
                     }
@@ -131,9 +114,9 @@ pub fn to_pinocchio<'py>(py: Python<'py>, chain: &Chain, q: Given<'_, 'py>, v: M
             }
         },
         |v, out| {
-            for Place { kind, own: (_, own), pinocchio: (_, at) } in &places {
-                match *kind {
-                    Kind::One { ratio, .. } | Kind::Continuous { ratio, .. } => out[*at] = ratio * v[*own],
+            for Place { kind, ratio, own: (_, own), pinocchio: (_, at), .. } in &places {
+                match kind {
+                    Kind::One | Kind::Continuous => out[*at] = ratio * v[*own],
                     Kind::Floating => out[*at..at + 6].copy_from_slice(&v[*own..own + 6]),
                 }
             }
@@ -142,35 +125,27 @@ pub fn to_pinocchio<'py>(py: Python<'py>, chain: &Chain, q: Given<'_, 'py>, v: M
 }
 
 /// q, or (q, v), of Pinocchio in the order of carom.
-pub fn from_pinocchio<'py>(
-    py: Python<'py>,
-    chain: &Chain,
-    q: Given<'_, 'py>,
-    v: Maybe<'_, 'py>,
-) -> PyResult<Array<'py>> {
+pub fn from_pinocchio(chain: &Chain, q: Given, v: Maybe) -> PyResult<Py<PyAny>> {
     let (places, nq, nv) = places(&chain.chain).map_err(raise)?;
     let layout = || "in Pinocchio's order, mimic joints included".to_owned();
     let read = |what, given, width| Numbers::read(what, given)?.rows(what, width, layout);
-    let given = (read("q", q, nq)?, v.map(|v| read("v", v, nv)).transpose()?);
+    let own = || places.iter().filter(|place| !place.follows);
     converted(
-        py,
-        &given,
+        (q.py(), read("q", q, nq)?, v.map(|v| read("v", v, nv)).transpose()?),
         (chain.chain.nq(), chain.chain.nv()),
         |q, out| {
-            for Place { kind, own: (own, _), pinocchio: (at, _) } in &places {
-                match *kind {
-                    Kind::One { follows: true, .. } | Kind::Continuous { follows: true, .. } => {}
-                    Kind::One { .. } => out[*own] = q[*at],
-                    Kind::Continuous { .. } => out[*own] = q[at + 1].atan2(q[*at]),
+            for Place { kind, own: (own, _), pinocchio: (at, _), .. } in own() {
+                match kind {
+                    Kind::One => out[*own] = q[*at],
+                    Kind::Continuous => out[*own] = q[at + 1].atan2(q[*at]),
                     Kind::Floating => out[*own..own + 7].copy_from_slice(&q[*at..at + 7]),
                 }
             }
         },
         |v, out| {
-            for Place { kind, own: (_, own), pinocchio: (_, at) } in &places {
-                match *kind {
-                    Kind::One { follows: true, .. } | Kind::Continuous { follows: true, .. } => {}
-                    Kind::One { .. } | Kind::Continuous { .. } => out[*own] = v[*at],
+            for Place { kind, own: (_, own), pinocchio: (_, at), .. } in own() {
+                match kind {
+                    Kind::One | Kind::Continuous => out[*own] = v[*at],
                     Kind::Floating => out[*own..own + 6].copy_from_slice(&v[*at..at + 6]),
                 }
             }
@@ -178,22 +153,20 @@ pub fn from_pinocchio<'py>(
     )
 }
 
-fn converted<'py>(
-    py: Python<'py>,
-    (q, v): &Pair<'py>,
+fn converted(
+    (py, q, v): (Python<'_>, Rows, Option<Rows>),
     (nq, nv): (usize, usize),
     write_q: impl Fn(&[f64], &mut [f64]),
     write_v: impl Fn(&[f64], &mut [f64]),
-) -> PyResult<Array<'py>> {
-    let all = |rows: &Rows, width: usize, write: &dyn Fn(&[f64], &mut [f64])| {
-        let count = rows.count();
-        let mut out = vec![0.0; count.unwrap_or(1) * width];
-        let plain = rows.plain();
+) -> PyResult<Py<PyAny>> {
+    let all = |given: &Rows, width: usize, write: &dyn Fn(&[f64], &mut [f64])| {
+        let mut out = vec![0.0; given.count().unwrap_or(1) * width];
+        let plain = given.plain();
         out.chunks_exact_mut(width.max(1)).enumerate().for_each(|(k, out)| write(plain.row(k), out));
-        array(py, out, &count.into_iter().chain([width]).collect::<Vec<_>>())
+        rows(py, out, given.count(), width)
     };
-    let changed = all(q, nq, &write_q)?;
-    let Some(v) = v else { return Ok(changed) };
-    together([("q", q), ("v", v)])?;
-    Ok((changed, all(v, nv, &write_v)?).into_pyobject(py)?.into_any())
+    let changed = all(&q, nq, &write_q)?;
+    let Some(v) = v else { return Ok(changed.unbind()) };
+    together([("q", &q), ("v", &v)])?;
+    Ok((changed, all(&v, nv, &write_v)?).into_pyobject(py)?.into_any().unbind())
 }

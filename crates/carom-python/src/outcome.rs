@@ -2,66 +2,67 @@
 
 use crate::array::{Array, Given, Numbers, list};
 use crate::error::{Raise, exceptions};
-use crate::laws::{GivenLaw, each_law, problem};
-use crate::pickle::{fields, variants};
-use carom_impact::ImpactOutcome;
+use crate::laws::{GivenLaw, each_law, of_laws, problem};
+use crate::pickle::fields;
+use carom_impact::{Account, ImpactOutcome};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
-
-/// The same expression for both sizes.
-macro_rules! of {
-    ($outcome:expr, $hit:ident => $what:expr) => {
-        match &$outcome.numbers {
-            OutcomeNumbers::Plane($hit) => $what,
-            OutcomeNumbers::Space($hit) => $what,
-        }
-    };
-}
 
 /// The outcome of a law on plain numbers, in contact axes: tangents first, normal last.
 #[pyclass(frozen, module = "carom")]
 pub struct Outcome {
-    numbers: OutcomeNumbers,
+    law: &'static str,
+    impulse: Vec<f64>,
+    u_minus: Vec<f64>,
+    u_plus: Vec<f64>,
+    energy_before: f64,
+    energy_after: f64,
+    energy_ratio: f64,
+    account: Account<f64>,
+}
+
+fields! { Outcome { law, impulse, u_minus, u_plus, energy_before, energy_after, energy_ratio, account } }
+
+impl<const D: usize> From<ImpactOutcome<f64, D>> for Outcome {
+    fn from(hit: ImpactOutcome<f64, D>) -> Self {
+        let [impulse, u_minus, u_plus] =
+            [hit.impulse, hit.u_minus, hit.u_plus].map(|vector| vector.as_slice().to_vec());
+        let energy_ratio = hit.energy_ratio();
+        let ImpactOutcome { law, energy_before, energy_after, account, .. } = hit;
+        Self { law, impulse, u_minus, u_plus, energy_before, energy_after, energy_ratio, account }
+    }
 }
 
 impl Outcome {
     /// Name of the law and its impulse.
     pub fn point(&self) -> (String, &[f64]) {
-        (of!(self, hit => hit.law.to_owned()), of!(self, hit => hit.impulse.as_slice()))
+        (self.law.to_owned(), &self.impulse)
     }
-}
-
-fields! { Outcome { numbers } }
-variants! { OutcomeNumbers { Plane(hit), Space(hit) } }
-
-enum OutcomeNumbers {
-    Plane(ImpactOutcome<f64, 2>),
-    Space(ImpactOutcome<f64, 3>),
 }
 
 getters! { Outcome, self, py {
     /// Name of the law.
-    law: &'static str = of!(self, hit => hit.law);
+    law: &'static str = self.law;
     /// Impulse on the robot, shape of u, N s.
-    impulse: Array<'py> = of!(self, hit => list(py, hit.impulse.as_slice()))?;
+    impulse: Array<'py> = list(py, &self.impulse)?;
     /// Contact velocity before, m/s.
-    u_minus: Array<'py> = of!(self, hit => list(py, hit.u_minus.as_slice()))?;
+    u_minus: Array<'py> = list(py, &self.u_minus)?;
     /// Contact velocity after, m/s.
-    u_plus: Array<'py> = of!(self, hit => list(py, hit.u_plus.as_slice()))?;
+    u_plus: Array<'py> = list(py, &self.u_plus)?;
     /// Contact mode at the end: "open", "stick", "slip" or "reverse-slip".
-    mode: &'static str, "_Mode" = of!(self, hit => hit.mode.name());
+    mode: &'static str, "_Mode" = self.account.mode.name();
     /// Names of the flags that are set.
-    flags: Vec<&'static str> = of!(self, hit => hit.flags.names().collect());
+    flags: Vec<&'static str> = self.account.flags.names().collect();
     /// Kinetic energy in contact space before, ½ uᵀ H⁻¹ u, J.
-    energy_before: f64 = of!(self, hit => hit.energy_before);
+    energy_before: f64 = self.energy_before;
     /// Kinetic energy in contact space after, J.
-    energy_after: f64 = of!(self, hit => hit.energy_after);
+    energy_after: f64 = self.energy_after;
     /// T⁺/T⁻ in contact space; 1 at rest.
-    energy_ratio: f64 = of!(self, hit => hit.energy_ratio());
+    energy_ratio: f64 = self.energy_ratio;
     /// Work of the normal impulse, J.
-    normal_work: f64 = of!(self, hit => hit.normal_work);
+    normal_work: f64 = self.account.normal_work;
     /// Work of the tangential impulse, J.
-    friction_work: f64 = of!(self, hit => hit.friction_work);
+    friction_work: f64 = self.account.friction_work;
 } }
 
 #[pymethods]
@@ -69,7 +70,7 @@ impl Outcome {
     /// The realised coefficients of restitution: a dict of "newton", "poisson", "energetic"; None where not defined.
     #[getter]
     fn coefficients<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let [newton, poisson, energetic] = of!(self, hit => [hit.newton, hit.poisson, hit.energetic]);
+        let Account { newton, poisson, energetic, .. } = self.account;
         Ok(dict! { py,
             "newton": newton,
             "poisson": poisson,
@@ -78,9 +79,8 @@ impl Outcome {
     }
 
     fn __repr__(&self) -> String {
-        let (law, mode) = of!(self, hit => (hit.law, hit.mode));
-        let (impulse, u_plus) = of!(self, hit => (hit.impulse.as_slice().to_vec(), hit.u_plus.as_slice().to_vec()));
-        format!("<carom.Outcome {}: {}, impulse {impulse:?}, u_plus {u_plus:?}>", law, mode)
+        let Self { law, impulse, u_plus, account, .. } = self;
+        format!("<carom.Outcome {law}: {}, impulse {impulse:?}, u_plus {u_plus:?}>", account.mode)
     }
 }
 
@@ -99,36 +99,30 @@ impl Outcome {
 #[pyfunction]
 #[pyo3(signature = (H, u, law, *, branches=false))]
 #[allow(non_snake_case)] // the name of the matrix in the literature
-pub fn law<'py>(
-    py: Python<'py>,
-    H: Given<'_, 'py>,
-    u: Given<'_, 'py>,
-    law: Given<'_, 'py>,
-    branches: bool,
-) -> PyResult<Array<'py>> {
+pub fn law(H: Given, u: Given, law: Given, branches: bool) -> PyResult<Py<PyAny>> {
+    let py = H.py();
     let (laws, several) = each_law(law)?;
     let (h, u) = (Numbers::read("H", H)?, Numbers::read("u", u)?);
     let all = |law: &GivenLaw| -> PyResult<Vec<Outcome>> {
         let refuse = |e: carom_impact::ImpactError| law.raise(e.raise(""));
-        let numbers: Vec<OutcomeNumbers> = match u.shape() {
+        match u.shape() {
             [2] => {
                 let found = law.in_plane().branches(&problem(&h, &u)?).map_err(refuse)?;
-                found.into_iter().map(OutcomeNumbers::Plane).collect()
+                Ok(found.into_iter().map(Outcome::from).collect())
             }
             [3] => {
                 let found = law.in_space().branches(&problem(&h, &u)?).map_err(refuse)?;
-                found.into_iter().map(OutcomeNumbers::Space).collect()
+                Ok(found.into_iter().map(Outcome::from).collect())
             }
             shape => {
                 let shape = crate::array::shown(shape);
                 let message =
                     format!("u has the shape {shape}: (2,) in the plane (t, n) or (3,) in space (t1, t2, n) is needed");
-                return Err(exceptions::StateError::new_err(message));
+                Err(exceptions::StateError::new_err(message))
             }
-        };
-        Ok(numbers.into_iter().map(|numbers| Outcome { numbers }).collect())
+        }
     };
-    let one = |law: &GivenLaw| -> PyResult<Array<'py>> {
+    let one = |law: &GivenLaw| {
         let mut found = all(law)?;
         if branches {
             return Ok(PyList::new(py, found.into_iter().map(|it| Bound::new(py, it)).collect::<PyResult<Vec<_>>>()?)?
@@ -136,9 +130,5 @@ pub fn law<'py>(
         }
         Ok(Bound::new(py, found.swap_remove(0))?.into_any())
     };
-    if several {
-        let all: Vec<_> = laws.iter().map(one).collect::<PyResult<_>>()?;
-        return Ok(PyList::new(py, all)?.into_any());
-    }
-    one(&laws[0])
+    Ok(of_laws(py, &laws, several, one)?.unbind())
 }

@@ -79,8 +79,8 @@ pub fn tuple<'py, const N: usize>(py: Python<'py>, parts: [Array<'py>; N]) -> Py
 
 /// Structs, by all of their fields.
 macro_rules! fields {
-    ($($(@[$($of:tt)*])? $type:ty { $($field:ident),* $(,)? })*) => { $(
-        impl $(<$($of)*>)? $crate::pickle::Pickled for $type {
+    ($($type:ty { $($field:ident),* $(,)? })*) => { $(
+        impl $crate::pickle::Pickled for $type {
             fn write<'py>(&self, py: pyo3::Python<'py>) -> pyo3::PyResult<crate::array::Array<'py>> {
                 let Self { $($field),* } = self;
                 $crate::pickle::tuple(py, [$($crate::pickle::Pickled::write($field, py)?),*])
@@ -307,7 +307,7 @@ impl Sources {
 fields! {
     Sources { folder, file, files }
     NamedFile { path, hash }
-    @[const D: usize] ImpactOutcome<f64, D> {
+    ImpactOutcome<f64, 3> {
         law, impulse, u_minus, u_plus, energy_before, energy_after, energy_change, account,
     }
     Account<f64> { mode, normal_work, friction_work, newton, poisson, energetic, slip_end, slip_stop, flags }

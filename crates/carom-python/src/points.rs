@@ -1,6 +1,6 @@
 //! `Chain.impact_at_points`: an impact at several points at the same moment.
 
-use crate::array::{Array, Given, Maybe, array, list, vector};
+use crate::array::{Array, Given, Maybe, Numbers, array, list, shown, vector};
 use crate::chain::Chain;
 use crate::error::{exceptions, raise};
 use crate::impact::Joints;
@@ -83,6 +83,19 @@ pub fn several_law(name: &str, exponent: Option<f64>, stiffnesses: bool) -> PyRe
     }
 }
 
+/// A coefficient of every point; 0 if it is not given.
+fn for_all(what: &str, given: Maybe) -> PyResult<f64> {
+    let Some(given) = given else { return Ok(0.0) };
+    let numbers = Numbers::read(what, given)?;
+    match numbers.slice() {
+        [one] => Ok(*one),
+        _ => {
+            let why = format!("{what} has the shape {}: give one number, that of every point", shown(numbers.shape()));
+            Err(exceptions::StateError::new_err(why))
+        }
+    }
+}
+
 #[pymethods]
 impl Chain {
     /// The impact of several points of the robot at the same moment, as one problem: a toe line, a face, two feet.
@@ -111,15 +124,14 @@ impl Chain {
     ///     ImpactError: no points, a fixed point, a singular direction, a coefficient out of its range; or no impulses were found that
     ///         satisfy the law, not even without restitution.
     #[pyo3(signature = (q, qd, points, normal, *, restitution=None, friction=None, law="moreau", sticks=false, joints=None, relative_stiffness=None, exponent=None))]
-    #[allow(clippy::too_many_arguments)]
     fn impact_at_points(
         &self,
         q: Given,
         qd: Given,
         points: Vec<(String, [f64; 3])>,
         normal: Given,
-        restitution: Option<f64>,
-        friction: Option<f64>,
+        restitution: Maybe,
+        friction: Maybe,
         law: &str,
         sticks: bool,
         joints: Maybe,
@@ -133,7 +145,7 @@ impl Chain {
             let why = format!("{} has no effect with sticks=True: leave one of them out", what.0);
             return Err(exceptions::ImpactError::new_err(why));
         }
-        let (restitution, friction) = (restitution.unwrap_or(0.0), friction.unwrap_or(0.0));
+        let (restitution, friction) = (for_all("restitution", restitution)?, for_all("friction", friction)?);
         let normals: Vec<Vector3<f64>> = match normal.extract::<Vec<[f64; 3]>>() {
             Ok(each) if each.len() == points.len() => each.into_iter().map(Into::into).collect(),
             Ok(each) => {

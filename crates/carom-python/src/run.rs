@@ -294,7 +294,7 @@ impl Run {
 
     /// The end: a tuple of the time (s), q (nq,) and qd (nv,).
     #[getter]
-    fn last<'py>(&self, py: Python<'py>) -> PyResult<(f64, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    fn last<'py>(&self, py: Python<'py>) -> PyResult<(f64, Array<'py>, Array<'py>)> {
         let Moment { time, q, qd } = &self.summary.last;
         Ok((*time, list(py, q)?, list(py, qd)?))
     }

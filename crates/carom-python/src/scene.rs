@@ -1,6 +1,6 @@
 //! Scenes: read and planned.
 
-use crate::array::{Array, Given, Maybe, list};
+use crate::array::{Array, Given, Maybe, count, list};
 use crate::chain::{Chain, Origin, Owner};
 use crate::controller::PythonController;
 use crate::error::{exceptions, raise};
@@ -60,9 +60,14 @@ impl Functions {
         self.laws.is_empty() && self.controller.is_none()
     }
 
+    /// Calls per second of a controller that samples.
+    pub fn rate(&self) -> Option<f64> {
+        self.controller.as_ref().and_then(PythonController::rate)
+    }
+
     /// Refuses a controller that samples, by what is asked.
     pub fn refuse_rate(&self, what: &str) -> PyResult<()> {
-        match self.controller.as_ref().and_then(PythonController::rate) {
+        match self.rate() {
             Some(rate) => Err(PyValueError::new_err(format!(
                 "{what}: the controller of the scene has a rate, {rate} Hz, and what it does between its samples follows from no tolerance \
                  and has no derivatives: give it without a rate"
@@ -259,7 +264,7 @@ impl Scene {
             let plan = py.detach(|| self.scene.plan());
             return Ok((self.again(), self.functions.pass(plan)?));
         }
-        if self.functions.controller.as_ref().is_some_and(|it| it.rate().is_some()) {
+        if self.functions.rate().is_some() {
             return Err(PyValueError::new_err(
                 "[run] accuracy: the scene has a controller with a rate, whose error does not follow from the tolerance: give tolerance",
             ));
@@ -424,8 +429,9 @@ impl Scene {
         }
         if !met {
             let names: Vec<&str> = self.scene.simulation.touches.iter().map(|touch| touch.name.as_str()).collect();
-            let names = names.join(", ");
-            return Err(PyValueError::new_err(format!("no contact of the scene is meant: its contacts are {names}")));
+            let those =
+                if names.is_empty() { "it has none".to_owned() } else { format!("they are {}", names.join(", ")) };
+            return Err(PyValueError::new_err(format!("law: link and surface name no contact of the scene: {those}")));
         }
         let mut other = self.other(scene);
         let (link, surface) = (link.map(str::to_owned), surface.map(str::to_owned));
@@ -475,7 +481,6 @@ impl Scene {
     ///     SimulationError: a controller with feedback; a motion without derivatives; a deviation that is not positive.
     ///     ValueError: a law or a controller was given after reading.
     #[pyo3(signature = (*, position=0.01, velocity=0.1, torque=1.0, end=1.0, joints=None, rows=200, table="feedback.csv"))]
-    #[allow(clippy::too_many_arguments)] // by name
     fn feedback<'py>(
         &self,
         py: Python<'py>,
@@ -484,7 +489,7 @@ impl Scene {
         torque: f64,
         end: f64,
         joints: Option<Vec<String>>,
-        rows: usize,
+        #[pyo3(from_py_with = count)] rows: usize,
         table: &str,
     ) -> PyResult<Array<'py>> {
         if !self.functions.is_empty() {

@@ -1,13 +1,14 @@
 //! Derivatives of whole runs.
 
-use crate::array::{Array, array, list};
+use crate::array::{Array, list};
+use crate::impact::matrix;
 use crate::pickle::{Parts, Pickled, tuple};
 use crate::run::RunEvent;
 use crate::scene::Scene;
 use carom_sim::{Columns, Parameter, Plan, Sampling, Seen, SimError};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyList;
+use pyo3::types::{PyList, PyString};
 use pythonize::pythonize;
 
 /// The derivatives of a whole run: of its final state and of the times of its events. `Scene.sensitivity` makes one.
@@ -45,6 +46,14 @@ impl Sensitivity {
         let happened = events.into_iter().map(|event| Py::new(py, event)).collect::<PyResult<_>>()?;
         Ok(Self { found, rows, happened })
     }
+}
+
+/// The names of `wrt`.
+pub fn names(wrt: &Bound<'_, PyAny>) -> PyResult<Option<Vec<String>>> {
+    if let Ok(text) = wrt.cast::<PyString>() {
+        return Err(PyTypeError::new_err(format!("wrt is the text '{text}': give a list of names, [\"{text}\"]")));
+    }
+    wrt.extract()
 }
 
 /// What these names mean, all but the keys of the scene if there are no names.
@@ -94,18 +103,16 @@ getters! { Sensitivity, self, py {
 impl Sensitivity {
     /// Time (s), q and qd at the end, of the joints that the plan keeps.
     #[getter]
-    fn last<'py>(&self, py: Python<'py>) -> PyResult<(f64, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    fn last<'py>(&self, py: Python<'py>) -> PyResult<(f64, Array<'py>, Array<'py>)> {
         let last = &self.found.last;
-        let numbers = |x: &[f64]| list(py, x);
-        Ok((last.time, numbers(&last.q)?, numbers(&last.qd)?))
+        Ok((last.time, list(py, &last.q)?, list(py, &last.qd)?))
     }
 
     /// Derivatives of the final displacement and velocity, shape (2 nv, columns); of a floating joint the displacement is along
     /// and about the axes of its link. None if the derivatives end before.
     #[getter]
     fn last_by<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let by = self.found.last_by.as_ref();
-        by.map(|by| array(py, by.transpose().as_slice().to_vec(), &[by.nrows(), by.ncols()])).transpose()
+        self.found.last_by.as_ref().map(|by| matrix(py, by)).transpose()
     }
 
     /// The rate of the final displacement and velocity, (qd, acceleration), shape (2 nv,); of a run that ends with an event that after it.

@@ -126,7 +126,7 @@ impl Session {
     /// Returns to a saved state of this session or of another one of the same scene.
     ///
     /// Raises:
-    ///     SimulationError: a state of another scene.
+    ///     SimulationError: a state of a scene with other joints or contacts.
     fn restore(&mut self, state: &SessionState) -> PyResult<()> {
         self.session.restore(&state.state).map_err(raise)
     }

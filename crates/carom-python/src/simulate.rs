@@ -1,15 +1,17 @@
 //! Methods of `Scene` that run it.
 
+use crate::array;
+use crate::error::warn;
 use crate::linear_run::LinearRun;
 use crate::run::{Run, Told};
 use crate::scene::Scene;
-use crate::sensitivity::{self, Sensitivity};
+use crate::sensitivity::{self, Sensitivity, names};
 use crate::session::Session;
 use crate::table::Table;
 use crate::threads::{LOOK, interruptible, left_behind};
 use carom_sim::{Columns, Sampling, Seen};
 use carom_study::{Ensemble, SCENE_KEY};
-use pyo3::exceptions::{PyUserWarning, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 /// Time between samples if neither the scene nor the call gives one, s: as on the command line.
@@ -63,8 +65,7 @@ impl Scene {
         let error = error.transpose()?.map(|error| self.functions.pass(error)).transpose()?;
         let run = Run::new(scene, plan, seen, summary, (loads, error));
         for warning in run.all_warnings() {
-            let text = std::ffi::CString::new(warning).unwrap_or_default();
-            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+            warn(py, warning)?;
         }
         Ok(run)
     }
@@ -75,7 +76,7 @@ impl Scene {
     ///     SimulationError: an overlap at the start.
     ///     ValueError: the scene has a controller with a rate.
     fn session(&self, py: Python<'_>) -> PyResult<Session> {
-        if self.functions.controller.as_ref().is_some_and(|it| it.rate().is_some()) {
+        if self.functions.rate().is_some() {
             return Err(PyValueError::new_err(
                 "the scene has a controller with a rate, but in a session your loop samples: start the session of the scene \
                  without it, and set the joint forces with set_forces",
@@ -102,7 +103,11 @@ impl Scene {
     ///     SimulationError: as `simulate`; a key that changes the joints or the possible contacts. A run that is not differentiable is no
     ///         error: see `Sensitivity.broken`.
     #[pyo3(signature = (wrt=None))]
-    fn sensitivity(&self, py: Python<'_>, wrt: Option<Vec<String>>) -> PyResult<Sensitivity> {
+    fn sensitivity(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = names)] wrt: Option<Vec<String>>,
+    ) -> PyResult<Sensitivity> {
         self.functions.refuse_rate("sensitivity")?;
         let (scene, mut plan) = self.planned(py)?;
         let chosen = sensitivity::chosen(py, &scene, &plan, wrt)?;
@@ -125,7 +130,11 @@ impl Scene {
     ///     ValueError: as `sensitivity`.
     ///     SimulationError: as `sensitivity`; a run that is not differentiable, with time and reason.
     #[pyo3(signature = (wrt=None))]
-    fn linear_run(&self, py: Python<'_>, wrt: Option<Vec<String>>) -> PyResult<LinearRun> {
+    fn linear_run(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = names)] wrt: Option<Vec<String>>,
+    ) -> PyResult<LinearRun> {
         self.functions.refuse_rate("linear_run")?;
         let (scene, mut plan) = self.planned(py)?;
         let Columns { parameters, columns } = sensitivity::chosen(py, &scene, &plan, wrt)?;
@@ -153,8 +162,13 @@ impl Scene {
     ///     SimulationError: the scene has no disturbance, or one of a key that it does not have.
     ///     ValueError: the scene has a controller with a rate; no such part.
     #[pyo3(signature = (count, *, shard=None))]
-    fn runs(&self, py: Python<'_>, count: u64, shard: Option<(u64, u64)>) -> PyResult<Table> {
-        if self.functions.controller.as_ref().is_some_and(|it| it.rate().is_some()) {
+    fn runs(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = array::count)] count: u64,
+        #[pyo3(from_py_with = array::count)] shard: Option<(u64, u64)>,
+    ) -> PyResult<Table> {
+        if self.functions.rate().is_some() {
             return Err(PyValueError::new_err("the scene has a controller with a rate: simulate each start by itself"));
         }
         let disturbed = self.scene.perturbation.as_ref().is_some_and(|it| !it.numbers.is_empty());

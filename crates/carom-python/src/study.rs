@@ -1,6 +1,6 @@
 //! Impact maps of studies.
 
-use crate::array::{Array, list};
+use crate::array::{self, Array, list};
 use crate::batch::CHUNK;
 use crate::chain::{Chain, Origin, Owner};
 use crate::error::raise;
@@ -159,7 +159,12 @@ impl Study {
 
     /// Computes the whole map, or the rows from `start` up to `stop`, as a Table in memory. Ctrl-C ends it.
     #[pyo3(signature = (start=0, stop=None))]
-    fn table(&self, py: Python<'_>, start: u64, stop: Option<u64>) -> PyResult<Table> {
+    fn table(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = array::count)] start: u64,
+        #[pyo3(from_py_with = array::count)] stop: Option<u64>,
+    ) -> PyResult<Table> {
         let (study, columns) = (&*self.study, self.study.columns().to_vec());
         let (width, all) = (columns.len(), study.rows());
         let end = stop.unwrap_or(all).min(all).max(start.min(all));
@@ -205,7 +210,8 @@ impl Study {
 
     /// The best rows under the conditions in [advise] of the study: a dict of "column", "goal", "fulfil" (number of rows that
     /// fulfil them), "best_median_worst" (or None) and "best", a list of dicts of "row", "q" (nq,), "values" and, for a redundant
-    /// arm, "self_motion" (q and values at the best pose along its self-motion, or None).
+    /// arm, "self_motion" (q and values at the best pose along its self-motion, or None). The rows of "best" are local optima of the
+    /// map: those without a better neighbour on an axis of numbers.
     ///
     /// Raises:
     ///     StudyError: a study without [advise].

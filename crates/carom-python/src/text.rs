@@ -144,7 +144,10 @@ fn toml_value(place: &str, given: &Bound<'_, PyAny>, depth: usize) -> PyResult<V
         return Ok(Value::Boolean(given.extract()?));
     }
     if given.is_instance_of::<PyInt>() {
-        return Ok(Value::Integer(given.extract()?));
+        let beyond = |_| {
+            PyValueError::new_err(format!("{place} is {given}: whole numbers go from {} to {}", i64::MIN, i64::MAX))
+        };
+        return given.extract().map(Value::Integer).map_err(beyond);
     }
     if given.is_instance_of::<PyFloat>() {
         return Ok(Value::Float(given.extract()?));

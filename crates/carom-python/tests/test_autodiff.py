@@ -116,6 +116,20 @@ def test_where_there_is_no_derivative_the_reason_is_told(library, scene):
         end(make(q), make(qd), 1.0)
 
 
+@both
+def test_numbers_that_a_run_cannot_be_a_function_of_are_refused(library, scene):
+    module, _, _ = arrays(library)
+    for wrt, kind, told in [
+        ("contact.restitution", TypeError, "give a list of paths"),
+        (["contact.restitution", "contact.restitution"], ValueError, "twice"),
+        (["robot.q[0]"], ValueError, "the start is given by the arguments q and qd"),
+    ]:
+        with pytest.raises(kind, match=told):
+            module.run(scene, wrt)
+    with pytest.raises(TypeError, match="law is a list of 2: give one law"):
+        module.impact(scene.chain, "tip", [-1, 0, 0], [carom.Newton(0.5), carom.Poisson(0.5)])
+
+
 def test_jax_checks_gradients_by_differences(arm, scene):
     module, make, _ = arrays("jax")
     from jax.test_util import check_grads

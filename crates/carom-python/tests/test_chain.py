@@ -93,6 +93,29 @@ def test_random_configurations_keep_the_limits_and_repeat_with_their_seed():
     assert "above its limit 2" in chain.outside_limits([0, 0, 0, 0, 0, 0, 1, 2.5])[0]
 
 
+def mimicking(limits):
+    """Joint m follows e: position −2 e + 0.3."""
+    inertial = '<inertial><mass value="1"/><inertia ixx=".02" ixy="0" ixz="0" iyy=".02" iyz="0" izz=".02"/></inertial>'
+
+    def joint(name, parent, child, limits, more=""):
+        ends = f'<limit lower="{limits[0]}" upper="{limits[1]}" velocity="1" effort="1"/>'
+        place = f'<parent link="{parent}"/><child link="{child}"/><axis xyz="0 0 1"/>'
+        return f'<link name="{child}">{inertial}</link><joint name="{name}" type="revolute">{place}{ends}{more}</joint>'
+
+    follows = '<mimic joint="e" multiplier="-2" offset="0.3"/>'
+    links = joint("e", "a", "b", (-3, 3)) + joint("m", "b", "c", limits, follows)
+    return carom.Chain.from_urdf(f'<robot name="r"><link name="a"/>{links}</robot>')
+
+
+def test_random_configurations_keep_the_limits_of_mimic_joints():
+    chain = mimicking((-3, 3))
+    q = chain.random_configuration(5, 1000)
+    assert -1.35 <= q.min() < -1.3 and 1.6 < q.max() <= 1.65
+    assert not any(chain.outside_limits(row) for row in q)
+    with pytest.raises(carom.ChainError, match="joint 'e': its limits and those of the joints that mimic it leave it no position"):
+        mimicking((7, 9)).random_configuration()
+
+
 CALLS = {
     "mass_matrix": lambda c, q, qd, **k: c.mass_matrix(q, **k),
     "jacobian": lambda c, q, qd, **k: c.jacobian(q, c.frames[-1], (0.1, 0.2, 0.3), **k),
@@ -210,6 +233,8 @@ def test_unknown_names_are_refused_with_the_nearest(arm):
     with pytest.raises(carom.ChainError, match="direction"):
         arm.effective_mass([0, 0], "tip", (0, 0, 0))
     assert arm.effective_mass([0, 0], "tip", (0, 0, 1)) == np.inf
+    with pytest.raises(carom.ChainError, match="motion: 'foo' is none of least-energy, least-norm, without-rotation"):
+        arm.tool_velocity([0.3, 0.4], "tip", (1, 0, 0), motion="foo")
 
 
 def test_a_uniform_chain_has_the_inertia_of_a_rod():
@@ -242,6 +267,8 @@ def test_rotors_and_masses_of_a_robot_are_those_that_are_given(arm):
     ]:
         with pytest.raises(carom.ChainError, match=f"inertia of .* is .*: {why}"):
             carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", inertia={"link2": wrong})
+    with pytest.raises(carom.StateError, match="inertia of 'link1' has 5 numbers: give six"):
+        carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", inertia={"link1": [1, 2, 3, 4, 5]})
     with pytest.raises(carom.ChainError, match="no link is named 'lnk1'; did you mean 'link1'"):
         carom.Chain.from_urdf(ROOT / "robots/planar2.urdf", mass={"lnk1": 1})
     with pytest.raises(carom.ChainError, match="mass of .* is 1: only a link with a mass"):

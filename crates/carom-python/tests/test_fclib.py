@@ -169,6 +169,14 @@ def test_constraints_that_are_no_contacts_are_not_written(tmp_path):
     assert not (tmp_path / "no.hdf5").exists()
 
 
+def test_a_solution_of_another_problem_is_not_written(tmp_path):
+    given = carom.ContactProblem(np.eye(3), -np.ones(3))
+    other = carom.ContactProblem(np.eye(6), -np.ones(6)).solve()
+    with pytest.raises(fclib.FclibError, match=r"no\.hdf5: solution\.impulse has the shape \(6,\): \(3,\) is needed"):
+        fclib.write(tmp_path / "no.hdf5", given, title="a box", solution=other)
+    assert not (tmp_path / "no.hdf5").exists()
+
+
 def drop(name):
     return lambda file: file.__delitem__(name)
 

@@ -200,6 +200,56 @@ def test_held_joints_take_part(arm):
         arm.impact(**state, joints=["elbwo"])
 
 
+def test_a_saltation_matrix_of_held_joints_is_refused_as_their_derivatives(arm):
+    state = dict(q=[0.7854, -1.5708], qd=[-0.15, 0.6], frame="tip", normal=[-1, 0, 0], law=carom.Frictionless(0.5))
+    assert arm.impact(**state, joints="free", saltation=True).saltation is not None
+    for joints in (["shoulder"], dict(stiffness=1.0, damping=1.0, contact_time=1e-3)):
+        for wish in ("derivatives", "saltation"):
+            with pytest.raises(carom.SimulationError, match="locked or impedance-weighted joints are not implemented"):
+                arm.impact(**state, joints=joints, **{wish: True})
+
+
+def test_one_stiffness_or_damping_is_that_of_all_joints_but_a_floating_base():
+    free = carom.Chain.from_urdf(ROOT / "robots/quadruped.urdf", floating=True)
+    foot = next(name for name in free.frames if "foot" in name)
+    q, qd = (x[0] for x in states(free, np.random.default_rng(3), 1))
+    qd = qd if (free.jacobian(q, foot) @ qd)[2] < 0 else -qd
+
+    def hit(damping):
+        joints = dict(stiffness=0.0, damping=damping, contact_time=0.01)
+        return free.impact(q, qd, foot, (0, 0, 1), carom.Frictionless(0.5), joints=joints)
+
+    each = np.full(free.nv, 100.0)
+    each[:6] = 0.0
+    assert np.array_equal(hit(100.0).qd_plus, hit(each).qd_plus)
+    assert not hit(100.0).drive_impulse[:6].any() and hit(100.0).drive_impulse[6:].any()
+
+
+def test_arrays_of_a_batch_are_read_only(arm7, rng):
+    """They are those of the results, which writing would change; those of one impact are copies."""
+    import pickle
+
+    q, qd = approaching(arm7, rng, 4)
+    hits = arm7.impact(q, qd, arm7.frames[-1], NORMAL, carom.Energetic(0.5, 0.2), derivatives=True)
+    before = hits[1].qd_plus.copy()
+    for own in (hits, hits[1:3], hits[[1, 2]], pickle.loads(pickle.dumps(hits))):
+        arrays = {name: getattr(own, name) for name in (
+            "qd_plus", "impulse", "u_minus", "u_plus", "drive_impulse", "energy_before", "energy_after", "normal_work",
+            "friction_work", "drive_work", "flag_bits")}
+        for name, array in {**arrays, **own.derivatives}.items():
+            with pytest.raises(ValueError, match="read-only"):
+                array[...] = 1
+            assert not array.flags.writeable, name
+        own.derivatives.clear()
+        assert own.derivatives.keys() == hits.derivatives.keys()
+        own.energy_ratio[...] = 0
+        own.mode[...] = "open"
+    assert np.array_equal(hits[1].qd_plus, before) and hits.energy_ratio.any()
+    one = hits[1]
+    one.qd_plus[...] = 0
+    assert np.array_equal(one.qd_plus, before)
+
+
 def newton(H, u):
     """Newton's law without friction, e = 0.5, from contact axes."""
     p = np.zeros_like(u)
@@ -255,7 +305,7 @@ def test_wrong_requests_are_refused(arm):
         ("state 1: qd", carom.StateError, lambda: arm.impact([q, q], [qd, [0, np.inf]], "tip", [-1, 0, 0], law)),
         ("saltation=True", TypeError, lambda: arm.impact(q, qd, "tip", [-1, 0, 0], law, gravity=(0, 0, 0))),
         ("one state", TypeError, lambda: arm.impact([q], [qd], "tip", [-1, 0, 0], law, saltation=True)),
-        ("no flag is named", ValueError, lambda: arm.impact([q], [qd], "tip", [-1, 0, 0], law).flagged("glow")),
+        ("name is 'glow', and no flag is named so", carom.ImpactError, lambda: arm.impact([q], [qd], "tip", [-1, 0, 0], law).flagged("glow")),
     ]:
         with pytest.raises(error, match=words):
             call()
@@ -287,6 +337,9 @@ def test_a_diagram_has_the_impulse_of_each_law():
     assert drawn["svg"].startswith("<svg") and drawn["window"].shape == (2, 2) and drawn["shapes"]
     with pytest.raises(carom.ImpactError, match="approach"):
         carom.diagram(H, -u, 0.5, outcomes)
+    for friction in (-0.3, np.nan):
+        with pytest.raises(carom.ImpactError, match="friction is .*: it must be finite and 0 or more"):
+            carom.diagram(H, u, friction, outcomes)
 
 
 def test_points_that_stick_project_the_velocity_and_one_point_is_an_impact():
@@ -318,6 +371,8 @@ def test_points_that_stick_project_the_velocity_and_one_point_is_an_impact():
         quadruped.impact_at_points(q, qd, points, (0, 0, 1), law="energetic", relative_stiffness=[1.0])
     with pytest.raises(carom.StateError, match="normal has 3 rows"):
         quadruped.impact_at_points(q, qd, points, np.eye(3))
+    with pytest.raises(carom.StateError, match=r"restitution has the shape \(2,\): give one number, that of every point"):
+        quadruped.impact_at_points(q, qd, points, (0, 0, 1), restitution=np.array([0.1, 0.2]))
     with pytest.raises(carom.ImpactError, match="StruckPoint|points"):
         quadruped.impact_at_points(q, qd, [], (0, 0, 1))
 

@@ -99,6 +99,8 @@ def test_sensitivities_of_a_run_are_differences_of_runs():
     close(one.events[0].time_by, found.events[0].time_by[[4, 2, 3, 1]], 1e-14)
     with pytest.raises(ValueError, match="'kp elbow' is no number of the scene: wrt has \"q\", \"qd\", q shoulder, .*, friction, and paths"):
         scene.sensitivity(["kp elbow"])
+    with pytest.raises(TypeError, match=r"wrt is the text 'qd': give a list of names, \[\"qd\"\]"):
+        scene.linear_run("qd")
 
 
 def test_a_run_is_differentiated_by_any_number_of_the_scene():
@@ -120,7 +122,7 @@ def test_a_run_is_differentiated_by_any_number_of_the_scene():
     assert linear.names == wrt
     close(linear.vjp([0, 0, 1, 0]), found.last_by[2], 1e-12)
     close(linear.jvp([0, 2, 0, 0])[0], 2 * found.last_by[:, 1], 1e-12)
-    with pytest.raises(carom.StateError, match="change has 2 numbers: give 4"):
+    with pytest.raises(carom.StateError, match=r"change has the shape \(2,\): \(4,\) for one state"):
         linear.jvp([1, 2])
     for path, message in [
         ("contact.law", "the scene has no number there"),
@@ -146,8 +148,16 @@ def test_a_linear_run_and_its_transpose_are_the_columns_and_rows_of_the_sensitiv
     for i, weights in enumerate(np.eye(4)):
         close(run.vjp(weights), found.last_by[i], 1e-12)
     close(run.vjp(np.zeros(4), [1.0]), found.events[0].time_by, 1e-12)
-    with pytest.raises(carom.SimulationError, match="number of derivatives by the final state"):
+    # Batches are the matrices at once.
+    last, times = run.jvp(np.eye(5))
+    close(last, found.last_by.T, 1e-12)
+    close(times, found.events[0].time_by[:, None], 1e-12)
+    close(run.vjp(np.eye(4)), found.last_by, 1e-12)
+    close(run.vjp(np.eye(4), [1.0]), found.last_by + found.events[0].time_by, 1e-12)
+    with pytest.raises(carom.StateError, match=r"last has the shape \(1,\): \(4,\) for one state or \(B, 4\)"):
         run.vjp([1.0])
+    with pytest.raises(carom.StateError, match="last has 4 states but times has 2"):
+        run.vjp(np.eye(4), np.zeros((2, 1)))
     keys = tomllib.loads((ROOT / "scenes/bounce.toml").read_text())
     keys["run"]["method"] = "steps"
     with pytest.raises(carom.SimulationError, match="the run has no derivative: at 0 s time steps"):
@@ -175,7 +185,7 @@ def test_another_start_and_another_law_give_another_run():
     assert np.array_equal(slower.q, scene.q) and slower.simulate().events[0].time > scene.simulate().events[0].time
     plastic = scene.with_law(carom.Newton(0.0), link="tip").simulate().events[0].impact
     close(plastic.u_plus[0], 0.0, 1e-12)
-    with pytest.raises(ValueError, match="its contacts are"):
+    with pytest.raises(ValueError, match="name no contact of the scene: they are link2 on"):
         scene.with_law(carom.Newton(0.0), link="nobody")
     with pytest.raises(carom.StateError, match="one state"):
         scene.with_start(q=[scene.q])
@@ -316,6 +326,8 @@ def test_a_scene_with_other_keys_is_the_scene_of_the_changed_dict():
         ({"contact[0].friction": 0.5}, ValueError, r"contact\[0\].friction: contact is no list: leave out \[0\]"),
         ({"robot.mass": {"tibb": 1}}, carom.ChainError, "no link is named 'tibb'; did you mean 'tip'"),
         ({"robot.mass": {"link1": -1}}, carom.ChainError, "mass of link1 is -1: it must be positive"),
+        ({"run.max_events": 2**63}, ValueError, "run.max_events is 9223372036854775808: whole numbers go from -9223372036854775808 to"),
+        ({"run.perturb": {"qd": 0.1, "seed": -1}}, carom.SimulationError, "seed"),
         ({1: 2}, TypeError, "the key 1 is not a string"),
         (["run.kp"], TypeError, "changes is not a dict"),
         ({"run.kp": object()}, TypeError, "run.kp is object"),
@@ -700,3 +712,22 @@ def test_durations_and_states_that_do_not_fit_are_refused():
     other = carom.Scene.from_toml(text.replace('"floor"', '"ground"')).session()
     with pytest.raises(carom.SimulationError, match="ball on floor.*belongs to another simulation"):
         other.restore(scene.session().save())
+
+
+def test_numbers_of_things_must_not_be_negative_and_are_named():
+    scene = carom.Scene.from_file(ROOT / "scenes/planar2.toml")
+    chain = carom.Chain.from_urdf(ROOT / "robots/planar2.urdf")
+    for ask, name in [
+        (lambda: scene.runs(-1), "count"),
+        (lambda: scene.runs(3, shard=(-1, 2)), "shard"),
+        (lambda: scene.feedback(rows=-1), "rows"),
+        (lambda: chain.random_configuration(size=-1), "size"),
+        (lambda: carom.Chain.uniform(-1, 1.0, 1.0), "links"),
+        (lambda: carom.cycles(ROOT / "studies/compass.toml", -1), "cycles"),
+        (lambda: carom.cycles(ROOT / "studies/compass.toml", 1, skip=2**70), "skip"),
+        (lambda: carom.orbit(ROOT / "studies/compass.toml", branch=True, doubled=-1), "doubled"),
+        (lambda: carom.aim(ROOT / "studies/aims/racket.toml", starts=-1), "starts"),
+        (lambda: carom.aim(ROOT / "studies/aims/racket.toml", seed=-1), "seed"),
+    ]:
+        with pytest.raises(TypeError, match=rf"out of range: give a whole number that is not negative\n.*'{name}'"):
+            ask()

@@ -6,7 +6,6 @@
 //! | `/laws` | the outcomes of the laws, as a page |
 
 use crate::bounds::{Bounds, Eye};
-use crate::geometry::fixed;
 use crate::layout::{self, Cursor, Tile};
 use crate::rerun;
 use crate::rerun::{AsComponents, EntityPath, EntityPathPart, Radius};
@@ -36,15 +35,15 @@ pub fn record_diagrams(
     let mut views = vec![(1.0, layout::plane(&plane.title, "/plane", seen))];
     if let Some(space) = space {
         draw(&sink, "space", space)?;
-        fixed(&sink, &"space".into(), &rerun::ViewCoordinates::RIGHT_HAND_Z_UP())?;
+        sink.fixed("space", &rerun::ViewCoordinates::RIGHT_HAND_Z_UP())?;
         let mut bounds = Bounds::empty();
         for end in [0, 1] {
             bounds.include(Vector3::from(space.window.map(|ends| ends[end])), 0.0);
         }
         let eye = Eye::looking(&bounds, Vector3::new(0.6, -0.8, 0.3).normalize(), Vector3::z(), Eye::WIDE);
-        views.push((1.0, layout::diagram_in_space(&space.title, "/space", &eye)));
+        views.push((1.0, layout::space(&space.title, "/space", &eye, &[])));
     }
-    fixed(&sink, &"laws".into(), &rerun::TextDocument::from_markdown(words))?;
+    sink.fixed("laws", &rerun::TextDocument::from_markdown(words))?;
     let root = Tile::Column(vec![(2.2, Tile::Row(views)), (1.0, layout::text("the laws", "/laws"))]);
     layout::send(&sink, &root, &Cursor::Newest { speed: 1.0 })?;
     sink.finish()
@@ -96,8 +95,8 @@ where
 {
     let under = |name: &str| EntityPath::new([root, name].map(EntityPathPart::new).to_vec());
     let (lines, numbers) = axes(diagram);
-    fixed(sink, &under("axes"), Place::lines(&lines, AXES, 0.5, 0.0).as_ref())?;
-    fixed(sink, &under("numbers"), Place::points(&numbers, AXES, 1.0, 0.0).as_ref())?;
+    sink.fixed(under("axes"), Place::lines(&lines, AXES, 0.5, 0.0).as_ref())?;
+    sink.fixed(under("numbers"), Place::points(&numbers, AXES, 1.0, 0.0).as_ref())?;
     for (k, shape) in diagram.shapes.iter().enumerate() {
         let (width, closed) = match shape.stroke {
             Stroke::Area => (1.5, true), // the viewer cannot fill polygons: the outline is drawn
@@ -108,13 +107,13 @@ where
         if closed {
             pieces.iter_mut().for_each(|piece| piece.extend(piece.first().copied()));
         }
-        fixed(sink, &under(&shape.name), Place::lines(&pieces, colour(shape.colour), width, 1.0 + k as f32).as_ref())?;
+        sink.fixed(under(&shape.name), Place::lines(&pieces, colour(shape.colour), width, 1.0 + k as f32).as_ref())?;
     }
     for (k, (mark, label)) in diagram.marks.iter().zip(labels(diagram)).enumerate() {
         let k = k as f32;
         let radius = if mark.symbol == Symbol::Law { (8.0 - 0.5 * k).max(3.0) } else { 4.0 };
         let point = Place::points(&[(mark.at, label)], colour(mark.colour), radius, 100.0 + k);
-        fixed(sink, &under(&mark.name), point.as_ref())?;
+        sink.fixed(under(&mark.name), point.as_ref())?;
     }
     Ok(())
 }

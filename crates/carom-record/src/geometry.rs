@@ -3,14 +3,14 @@
 use crate::RecordError;
 use crate::bounds::{Bounds, quaternion, xyz};
 use crate::rerun;
-use crate::rerun::{AsComponents, EntityPath, EntityPathPart, FillMode};
+use crate::rerun::{EntityPath, EntityPathPart, FillMode};
 use crate::target::Sink;
 use carom_chain::algebra::{Pose, z_onto};
 use carom_chain::urdf::{Collision, Shape, Visual};
 use carom_chain::{Chain, ChainError, FrameId, Kinematics, Plane, Spatial};
 use carom_contact::{ContactError, LinkShape, Mesh, Solid, Surface as Form};
 use carom_sim::Surface;
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 /// Colours of the links, in turn.
 const LINKS: [u32; 3] = [0x4e79_a7ff, 0xa0cb_e8ff, 0x7f8f_a9ff];
@@ -93,7 +93,7 @@ pub(crate) fn looks(chain: &Chain, shapes: &[LinkShape]) -> Result<(Vec<Look>, V
 
 fn look(link: &str, frame: FrameId, visual: &Visual) -> Result<Look, ContactError> {
     let (origin, body) = match &visual.shape {
-        Shape::Mesh { file, scale } => (in_world(&visual.origin), Body::Mesh(Mesh::read(file, *scale, link)?)),
+        Shape::Mesh { file, scale } => (visual.origin.into(), Body::Mesh(Mesh::read(file, *scale, link)?)),
         shape => {
             let same = Collision { name: None, origin: visual.origin, shape: shape.clone() };
             let shape = LinkShape::new(link, frame, &same)?;
@@ -127,11 +127,11 @@ pub(crate) fn links(sink: &Sink, chain: &Chain, looks: &[Look], size: f64) -> Re
         let ends = children(&at_zero, &frame.name)?;
         if !ends.is_empty() {
             let joints = rerun::Points3D::new(ends.iter().map(|end| xyz(*end))).with_colors([JOINT]);
-            fixed(sink, &part(&path, "joints".into()), &joints.with_radii([0.008 * size as f32]))?;
+            sink.fixed(part(&path, "joints".into()), &joints.with_radii([0.008 * size as f32]))?;
             let bones: Vec<_> =
                 ends.iter().filter(|end| end.norm() > 1e-6 * size).map(|end| [[0.0; 3], xyz(*end)]).collect();
             let bones = rerun::LineStrips3D::new(bones).with_colors([BONE]).with_radii([0.004 * size as f32]);
-            fixed(sink, &part(&path, "bones".into()), &bones)?;
+            sink.fixed(part(&path, "bones".into()), &bones)?;
         }
         let id = chain.frame(&frame.name)?;
         match frame.body {
@@ -165,20 +165,16 @@ pub(crate) fn surfaces(
         match surface.obstacle.surface() {
             Form::HalfSpace { point, normal } => half_space(sink, &path, *point, *normal, bounds, plane)?,
             Form::Solid { pose, solid: body } => {
-                place(sink, &path, &in_world(pose))?;
+                place(sink, &path, &(*pose).into())?;
                 solid(sink, &path, body, SURFACE)?;
             }
             Form::Mesh { pose, mesh: triangles } => {
-                place(sink, &path, &in_world(pose))?;
+                place(sink, &path, &(*pose).into())?;
                 mesh(sink, &path, triangles, SURFACE)?;
             }
         }
     }
     Ok(())
-}
-
-fn in_world(pose: &Isometry3<f64>) -> Pose<Spatial<f64>> {
-    Pose { rotation: pose.rotation.to_rotation_matrix().into_inner(), translation: pose.translation.vector }
 }
 
 fn half_space(
@@ -203,7 +199,7 @@ fn half_space(
         [xyz(Vector3::new(0.0, 0.0, -thick / 2.0))],
         [xyz(Vector3::new(wide, deep, thick / 2.0))],
     );
-    fixed(sink, path, &slab.with_colors([SURFACE]).with_fill_mode(FillMode::Solid))?;
+    sink.fixed(path.clone(), &slab.with_colors([SURFACE]).with_fill_mode(FillMode::Solid))?;
     if strip.is_none() {
         // Just above the slab, so that its face does not hide the lines.
         let at = |x: f64, y: f64| xyz(Vector3::new(x, y, 0.001 * size));
@@ -211,13 +207,13 @@ fn half_space(
         let lines =
             lines.flat_map(|k| [[at(k * wide, -deep), at(k * wide, deep)], [at(-wide, k * deep), at(wide, k * deep)]]);
         let lines = rerun::LineStrips3D::new(lines).with_colors([GRID]).with_radii([0.0008 * size as f32]);
-        fixed(sink, &part(path, "grid".into()), &lines)?;
+        sink.fixed(part(path, "grid".into()), &lines)?;
     }
     Ok(())
 }
 
 fn place(sink: &Sink, path: &EntityPath, pose: &Pose<Spatial<f64>>) -> Result<(), RecordError> {
-    fixed(sink, path, &transform(pose))
+    sink.fixed(path.clone(), &transform(pose))
 }
 
 /// A transform of the viewer with the rotation and translation of a pose.
@@ -230,26 +226,26 @@ fn solid(sink: &Sink, path: &EntityPath, solid: &Solid, colour: u32) -> Result<(
     match solid {
         Solid::Sphere { radius } => {
             let ball = rerun::Ellipsoids3D::from_radii([*radius as f32]);
-            fixed(sink, path, &ball.with_colors([colour]).with_fill_mode(fill))
+            sink.fixed(path.clone(), &ball.with_colors([colour]).with_fill_mode(fill))
         }
         Solid::Capsule { radius, half_length } => {
             // The origin of the viewer's capsules is at one end.
             let start = [0.0, 0.0, -*half_length as f32];
             let capsule = rerun::Capsules3D::from_lengths_and_radii([2.0 * *half_length as f32], [*radius as f32]);
-            fixed(sink, path, &capsule.with_translations([start]).with_colors([colour]).with_fill_mode(fill))
+            sink.fixed(path.clone(), &capsule.with_translations([start]).with_colors([colour]).with_fill_mode(fill))
         }
         Solid::Cylinder { radius, half_length } => {
             let cylinder = rerun::Cylinders3D::from_lengths_and_radii([2.0 * *half_length as f32], [*radius as f32]);
-            fixed(sink, path, &cylinder.with_colors([colour]).with_fill_mode(fill))
+            sink.fixed(path.clone(), &cylinder.with_colors([colour]).with_fill_mode(fill))
         }
         Solid::Box { half } => {
             let cuboid = rerun::Boxes3D::from_half_sizes([xyz(*half)]);
-            fixed(sink, path, &cuboid.with_colors([colour]).with_fill_mode(fill))
+            sink.fixed(path.clone(), &cuboid.with_colors([colour]).with_fill_mode(fill))
         }
         // Hulls come from meshes, which are drawn as meshes.
         Solid::Hull(hull) => {
             let corners = rerun::Points3D::new(hull.vertices().iter().map(|v| xyz(*v)));
-            fixed(sink, path, &corners.with_colors([colour]))
+            sink.fixed(path.clone(), &corners.with_colors([colour]))
         }
     }
 }
@@ -262,10 +258,5 @@ fn mesh(sink: &Sink, path: &EntityPath, mesh: &Mesh, colour: u32) -> Result<(), 
     let drawn = rerun::Mesh3D::new(triangles.iter().flatten().map(|v| xyz(*v)))
         .with_vertex_normals(normals.map(xyz))
         .with_albedo_factor(rerun::components::AlbedoFactor(colour.into()));
-    fixed(sink, path, &drawn)
-}
-
-/// Logs a value that is valid at all times.
-pub(crate) fn fixed(sink: &Sink, path: &EntityPath, what: &dyn AsComponents) -> Result<(), RecordError> {
-    sink.rec.log_static(path.clone(), what).map_err(|e| sink.error(e.to_string()))
+    sink.fixed(path.clone(), &drawn)
 }

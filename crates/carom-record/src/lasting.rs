@@ -2,7 +2,7 @@
 
 use crate::RecordError;
 use crate::bounds::xyz;
-use crate::geometry::{fixed, plain};
+use crate::geometry::plain;
 use crate::rerun;
 use crate::rerun::{EntityPath, EntityPathPart};
 use crate::target::Sink;
@@ -63,7 +63,7 @@ impl Lanes {
 
     /// Logs the mode of all contacts at the start.
     pub fn begin(&mut self, sink: &Sink) -> Result<(), RecordError> {
-        fixed(sink, &"contact".into(), &modes())?;
+        sink.fixed("contact", &modes())?;
         self.show(sink)
     }
 
@@ -92,15 +92,13 @@ impl Lanes {
             let lane = now.entry(&self.names[*touch]).or_insert(OPEN);
             *lane = MODES.iter().map(|(name, _)| *name).find(|name| name == lane || name == mode).unwrap_or(OPEN);
         }
-        let log = |path: EntityPath, mode| {
-            sink.rec.log(path, &rerun::StateChange::single(mode)).map_err(|e| sink.error(e.to_string()))
-        };
+        let log = |path: EntityPath, mode| sink.now(path, &rerun::StateChange::single(mode));
         for (lane, mode) in &now {
             let path = EntityPath::new(["contact", lane].map(EntityPathPart::new).to_vec());
             match self.shown.insert((*lane).clone(), mode) {
                 Some(before) if before == *mode => continue,
                 Some(_) => {}
-                None => fixed(sink, &path, &modes())?,
+                None => sink.fixed(path.clone(), &modes())?,
             }
             log(path, *mode)?;
         }
@@ -134,7 +132,7 @@ impl Lanes {
             .with_origins(forces.iter().map(|state| xyz(before(state.point))))
             .with_colors([FORCE])
             .with_radii([0.005 * size as f32]);
-        sink.rec.log("world/forces", &arrows).map_err(|e| sink.error(e.to_string()))
+        sink.now("world/forces", &arrows)
     }
 }
 

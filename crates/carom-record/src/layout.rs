@@ -34,9 +34,9 @@ impl View {
     }
 }
 
-/// The 3D view of a scene. Entities of `trails` are shown from the start to the cursor, all others at the cursor.
-pub(crate) fn space(name: &str, eye: &Eye, trails: &[&str]) -> Tile {
-    let mut view = View::new("3D", name, "/world");
+/// A 3D view. Entities of `trails` are shown from the start to the cursor, all others at the cursor.
+pub(crate) fn space(name: &str, origin: &'static str, eye: &Eye, trails: &[&str]) -> Tile {
+    let mut view = View::new("3D", name, origin);
     view.settings.push(("EyeControls3D".into(), Box::new(controls(eye))));
     view.settings.push(("Background".into(), Box::new(dark())));
     view.settings.push(("LineGrid3D".into(), Box::new(blueprint::LineGrid3D::new().with_visible(false))));
@@ -67,15 +67,6 @@ pub(crate) fn plane(name: &str, origin: &'static str, window: [[f64; 2]; 2]) -> 
     let range = rerun::datatypes::Range2D { x_range, y_range };
     view.settings.push(("VisualBounds2D".into(), Box::new(blueprint::VisualBounds2D::new(range))));
     view.settings.push(("Background".into(), Box::new(dark())));
-    Tile::View(view)
-}
-
-/// The 3D view of a diagram.
-pub(crate) fn diagram_in_space(name: &str, origin: &'static str, eye: &Eye) -> Tile {
-    let mut view = View::new("3D", name, origin);
-    view.settings.push(("EyeControls3D".into(), Box::new(controls(eye))));
-    view.settings.push(("Background".into(), Box::new(dark())));
-    view.settings.push(("LineGrid3D".into(), Box::new(blueprint::LineGrid3D::new().with_visible(false))));
     Tile::View(view)
 }
 

@@ -6,7 +6,7 @@
 //! occurs.
 
 use crate::RecordError;
-use crate::bounds::{Bounds, Eye};
+use crate::bounds::{Bounds, Eye, xyz};
 use crate::layout::{self, Cursor, Tile};
 use crate::rerun;
 use crate::target::{Sink, Target};
@@ -46,8 +46,6 @@ pub fn record_map(study: &Study, column: &str, target: &Target) -> Result<(), Re
     check_map(study, column)?;
     let values = study.values(column)?;
     let sink = Sink::open(target, column)?;
-    let trouble = |e: rerun::RecordingStreamError| sink.error(e.to_string());
-    let rec = &sink.rec;
     let width = values.axes[0].count() as usize;
     let height = if values.is_curve() { 1 } else { values.axes[1].count() as usize };
     let range = values.colour_range();
@@ -56,7 +54,7 @@ pub fn record_map(study: &Study, column: &str, target: &Target) -> Result<(), Re
     for (k, cells) in values.values.chunks(width * height).enumerate() {
         let pixels: Vec<u8> = cells.chunks(width).rev().flatten().flat_map(|x| values.colour(*x, range)).collect();
         let image = rerun::Image::from_rgb24(pixels, [width as u32, height as u32]);
-        rec.log_static(format!("map/{k}"), &image).map_err(trouble)?;
+        sink.fixed(format!("map/{k}"), &image)?;
         let rows = &values.rows[k * width * height..][..cells.len()];
         let (points, colours): (Vec<[f32; 3]>, Vec<rerun::Color>) = rows
             .iter()
@@ -67,7 +65,7 @@ pub fn record_map(study: &Study, column: &str, target: &Target) -> Result<(), Re
             })
             .unzip();
         let points = rerun::Points3D::new(points).with_colors(colours).with_radii([rerun::Radius::new_ui_points(1.5)]);
-        rec.log_static(format!("space/tip/{k}"), &points).map_err(trouble)?;
+        sink.fixed(format!("space/tip/{k}"), &points)?;
         let name = values.axes.get(if values.is_curve() { 1 } else { 2 }).map_or(column.to_owned(), |axis| {
             let names = axis.names();
             format!(
@@ -79,7 +77,7 @@ pub fn record_map(study: &Study, column: &str, target: &Target) -> Result<(), Re
         images.push((1.0, layout::image(&name, &format!("/map/{k}"))));
     }
     let legend = rerun::TextDocument::from_markdown(legend(&values));
-    rec.log_static("legend", &legend).map_err(trouble)?;
+    sink.fixed("legend", &legend)?;
     let bar = colours(&sink, &values, range)?;
 
     let with_pose: Vec<usize> = (0..values.rows.len()).filter(|i| evaluator.pose(values.rows[*i]).is_some()).collect();
@@ -87,22 +85,22 @@ pub fn record_map(study: &Study, column: &str, target: &Target) -> Result<(), Re
     let mut bounds = Bounds::empty();
     for &i in with_pose.iter().step_by(with_pose.len().div_ceil(POSES).max(1)) {
         let Some(q) = evaluator.pose(values.rows[i]) else { continue };
-        rec.set_time_sequence("row", values.rows[i] as i64);
+        sink.rec.set_time_sequence("row", values.rows[i] as i64);
         let links = links(study.chain(), &mut workspace, &q)?;
         links.iter().flatten().for_each(|end| bounds.include(Vector3::from(*end).cast(), 0.0));
         let links = rerun::LineStrips3D::new(links);
         let links = links.with_colors([ARM]).with_radii([rerun::Radius::new_ui_points(3.0)]);
-        rec.log("space/arm", &links).map_err(trouble)?;
+        sink.now("space/arm", &links)?;
         let (panel, cell) = (i / (width * height), i % (width * height));
         for k in 0..values.rows.len() / (width * height) {
             let at = [(cell % width) as f32 + 0.5, (height - 1 - cell / width) as f32 + 0.5];
             let here = rerun::Points2D::new((k == panel).then_some(at));
             let here = here.with_colors([HERE]).with_radii([rerun::Radius::new_ui_points(5.0)]);
-            rec.log(format!("map/{k}/here"), &here).map_err(trouble)?;
+            sink.now(format!("map/{k}/here"), &here)?;
         }
     }
 
-    let space = layout::diagram_in_space("positions of the tip, and the arm", "/space", &eye(&bounds));
+    let space = layout::space("positions of the tip, and the arm", "/space", &eye(&bounds), &[]);
     let meaning = Tile::Column(vec![(3.0, bar), (1.0, layout::text("the map", "/legend"))]);
     let root = Tile::Row(vec![(3.0, Tile::Column(images)), (3.0, space), (1.3, meaning)]);
     // The viewer passes over 30 rows a second at speed 1.
@@ -157,9 +155,8 @@ fn colours(sink: &Sink, values: &Values, (low, high): (f64, f64)) -> Result<Tile
     let at = labels.iter().map(|(share, _)| [3.0 * WIDTH as f32, (*share * HEIGHT as f64) as f32 - 7.0]);
     let texts = rerun::Points2D::new(at).with_labels(labels.iter().map(|(_, text)| text.as_str()));
     let texts = texts.with_show_labels(true).with_colors([WORDS]).with_radii([rerun::Radius::new_ui_points(0.0)]);
-    let trouble = |e: rerun::RecordingStreamError| sink.error(e.to_string());
-    sink.rec.log_static("colours", &bar).map_err(trouble)?;
-    sink.rec.log_static("colours/words", &texts).map_err(trouble)?;
+    sink.fixed("colours", &bar)?;
+    sink.fixed("colours/words", &texts)?;
     let margin = 0.08 * HEIGHT as f64;
     let seen = [[-margin, 7.0 * WIDTH as f64], [-(HEIGHT as f64) - margin, margin]];
     Ok(layout::plane(&values.label, "/colours", seen))
@@ -168,17 +165,13 @@ fn colours(sink: &Sink, values: &Values, (low, high): (f64, f64)) -> Result<Tile
 /// The position of the tip in a row, m; `None` for a row without a pose.
 fn tip(evaluator: &mut Evaluator, row: u64) -> Option<[f32; 3]> {
     let q = evaluator.pose(row)?;
-    let tip = evaluator.tip(&q)?;
-    Some([tip.x as f32, tip.y as f32, tip.z as f32])
+    evaluator.tip(&q).map(xyz)
 }
 
 /// Lines from the origin of each joint's parent link to that of its child link, m.
 fn links(chain: &Chain, workspace: &mut Workspace<Spatial<f64>>, q: &[f64]) -> Result<Vec<[[f32; 3]; 2]>, RecordError> {
     let kin = workspace.update(chain, q)?;
-    let place = |link: &str| -> Result<[f32; 3], RecordError> {
-        let p = kin.pose(chain.frame(link)?).translation;
-        Ok([p.x as f32, p.y as f32, p.z as f32])
-    };
+    let place = |link: &str| -> Result<_, RecordError> { Ok(xyz(kin.pose(chain.frame(link)?).translation)) };
     let ends = chain.joints().iter().filter(|joint| joint.parent != "world");
     ends.map(|joint| Ok([place(&joint.parent)?, place(&joint.child)?])).collect()
 }

@@ -1,7 +1,6 @@
 //! The time series of a recording: values and names.
 
 use crate::RecordError;
-use crate::geometry::fixed;
 use crate::rerun;
 use crate::rerun::components::AggregationPolicy;
 use crate::target::Sink;
@@ -89,7 +88,7 @@ impl Measures {
             (ENERGY, energy.iter().map(|name| (*name).to_owned()).collect()),
             (GAP, gaps.collect()),
         ] {
-            fixed(sink, &entity.into(), &lines(names))?;
+            sink.fixed(entity, &lines(names))?;
         }
         Ok(())
     }
@@ -97,13 +96,13 @@ impl Measures {
     /// Logs the names and colours of the forces of motors, by the entries of qd.
     pub fn name_motors(sink: &Sink, chain: &Chain) -> Result<(), RecordError> {
         let [_, velocity] = coordinates(chain);
-        fixed(sink, &MOTOR.into(), &lines(velocity))
+        sink.fixed(MOTOR, &lines(velocity))
     }
 
     /// Logs the names and colours of the errors, by the entries of qd.
     pub fn name_errors(sink: &Sink, chain: &Chain) -> Result<(), RecordError> {
         let [_, velocity] = coordinates(chain);
-        ERROR.iter().try_for_each(|entity| fixed(sink, &(*entity).into(), &lines(velocity.clone())))
+        ERROR.iter().try_for_each(|entity| sink.fixed(*entity, &lines(velocity.clone())))
     }
 
     /// Logs the names and colours of the impulses through these joints, which are points.
@@ -111,7 +110,7 @@ impl Measures {
         let names = joints.iter().map(|joint| joint.joint.clone());
         let style = rerun::SeriesPoints::new().with_names(names).with_colors(colours(joints.len()));
         let style = style.with_marker_sizes(vec![4.0; joints.len()]);
-        THROUGH.iter().try_for_each(|entity| fixed(sink, &(*entity).into(), &style))
+        THROUGH.iter().try_for_each(|entity| sink.fixed(*entity, &style))
     }
 
     /// Indices of the surfaces that a link may touch.

@@ -15,12 +15,11 @@
 //! Values are logged at exact times, at an event twice: before and after. Memory does not grow with the length of the run.
 
 use crate::bounds::{Bounds, Eye, Outline, xyz};
-use crate::geometry::{self, Drawn, fixed, of_surface, transform};
+use crate::geometry::{self, Drawn, of_surface, transform};
 use crate::lasting::Lanes;
 use crate::layout::{self, Cursor, Tile};
 use crate::measures::{ERROR, MOTOR, Measures, THROUGH};
 use crate::rerun;
-use crate::rerun::AsComponents;
 use crate::target::{Sink, Target};
 use crate::{RecordError, round, summary};
 use carom_chain::algebra::{Pose, z_onto};
@@ -170,7 +169,7 @@ impl SceneRecorder {
             for (entity, errors) in ERROR.into_iter().zip([q, qd]) {
                 // A number that stays zero has no logarithm; below its rounding no error of a number of size 1 is seen.
                 let numbers = errors.iter().map(|error| error.max(f64::EPSILON).log10());
-                now(&self.sink, entity.into(), &rerun::Scalars::new(numbers))?;
+                self.sink.now(entity, &rerun::Scalars::new(numbers))?;
             }
         }
         Ok(())
@@ -193,7 +192,7 @@ impl SceneRecorder {
         for reason in &self.unread {
             page += &format!("\nNot drawn: {reason}\n");
         }
-        fixed(&self.sink, &"run".into(), &rerun::TextDocument::from_markdown(page))?;
+        self.sink.fixed("run", &rerun::TextDocument::from_markdown(page))?;
         // Half-spaces are drawn again, now that the extent of the motion is known.
         geometry::surfaces(&self.sink, &self.measures.surfaces, &self.bounds, self.plane.as_ref())?;
         if !self.live {
@@ -212,7 +211,7 @@ impl SceneRecorder {
             Some(1) => rerun::ViewCoordinates::RIGHT_HAND_Y_UP(),
             _ => rerun::ViewCoordinates::RIGHT_HAND_Z_UP(),
         };
-        fixed(&self.sink, &"world".into(), &coordinates)?;
+        self.sink.fixed("world", &coordinates)?;
         geometry::surfaces(&self.sink, &self.measures.surfaces, &self.bounds, self.plane.as_ref())
     }
 
@@ -245,7 +244,8 @@ impl SceneRecorder {
     /// Sends the layout.
     fn show(&self) -> Result<(), RecordError> {
         let eye = self.eye();
-        let scene = layout::space(self.chain.name(), &eye, &["/world/tip", "/world/contacts", "/world/impulses"]);
+        let scene =
+            layout::space(self.chain.name(), "/world", &eye, &["/world/tip", "/world/contacts", "/world/impulses"]);
         let words = Tile::Row(vec![(3.0, layout::log("events", "/events")), (2.0, layout::text("summary", "/run"))]);
         // Where positions and velocities have the same names, only the positions have a legend.
         let alike = self.chain.nq() == self.chain.nv();
@@ -300,25 +300,25 @@ impl SceneRecorder {
         let mut kin = self.workspace.update(&self.chain, q)?;
         if moved {
             for Drawn { frame, path } in &self.links {
-                now(&self.sink, path.clone(), &transform(&kin.pose(*frame)))?;
+                self.sink.now(path.clone(), &transform(&kin.pose(*frame)))?;
             }
             for surface in &self.measures.surfaces {
                 if let Some(motion) = &surface.motion {
                     let pose = Pose { rotation: Matrix3::identity(), translation: motion.at(time)[0] };
-                    now(&self.sink, of_surface(surface, &self.measures.surfaces), &transform(&pose))?;
+                    self.sink.now(of_surface(surface, &self.measures.surfaces), &transform(&pose))?;
                 }
             }
             self.outline.enter(&kin, &mut self.bounds);
         }
         for (entity, values) in self.measures.at(&mut kin, (q, qd), time)? {
-            now(&self.sink, entity.into(), &rerun::Scalars::new(values))?;
+            self.sink.now(entity, &rerun::Scalars::new(values))?;
         }
         if let Some(tip) = &self.measures.tip {
             let here = kin.position(tip.point);
             match self.path {
                 Some(there) if (here - there).norm() > 0.002 * self.size => {
                     let piece = rerun::LineStrips3D::new([[xyz(there), xyz(here)]]).with_colors([PATH]);
-                    now(&self.sink, "world/tip".into(), &piece.with_radii([0.0025 * self.size as f32]))?;
+                    self.sink.now("world/tip", &piece.with_radii([0.0025 * self.size as f32]))?;
                     self.path = Some(here);
                 }
                 Some(_) => {}
@@ -335,7 +335,7 @@ impl SceneRecorder {
         self.state(event.time, (&event.q, &event.qd_minus), true)?;
         self.state(event.time, (&event.q, &event.qd_plus), false)?;
         let words = rerun::TextLog::new(summary::words(event, &self.touches)).with_level("INFO");
-        now(&self.sink, "events".into(), &words)?;
+        self.sink.now("events", &words)?;
         self.lanes.event(&self.sink, &event.kind)?;
         if let Some(EventLoads { impact, motors_minus, motors_plus }) = event.loads.as_deref() {
             self.motors(event.time, motors_minus)?;
@@ -347,7 +347,7 @@ impl SceneRecorder {
                     impact.through.iter().map(|it| it.moment.norm()).collect(),
                 ];
                 for (entity, sizes) in THROUGH.into_iter().zip(sizes) {
-                    now(&self.sink, entity.into(), &rerun::Scalars::new(sizes))?;
+                    self.sink.now(entity, &rerun::Scalars::new(sizes))?;
                 }
             }
         }
@@ -370,7 +370,7 @@ impl SceneRecorder {
     fn motors(&mut self, time: f64, forces: &[f64]) -> Result<(), RecordError> {
         self.begin_more(0, |it| Measures::name_motors(&it.sink, &it.chain))?;
         self.sink.rec.set_duration_secs("time", time);
-        now(&self.sink, MOTOR.into(), &rerun::Scalars::new(forces.iter().copied()))
+        self.sink.now(MOTOR, &rerun::Scalars::new(forces.iter().copied()))
     }
 
     /// Names series when they are reported for the first time, and gives them views.
@@ -444,18 +444,13 @@ impl SceneRecorder {
         }
         let size = self.size as f32;
         let arrows = rerun::Arrows3D::from_vectors(arrows).with_origins(points.clone()).with_colors([BLOW]);
-        now(&self.sink, "world/impulses".into(), &arrows.with_radii([0.006 * size]))?;
+        self.sink.now("world/impulses", &arrows.with_radii([0.006 * size]))?;
         let points = rerun::Points3D::new(points).with_colors([BLOW]).with_radii([0.01 * size]);
-        now(&self.sink, "world/contacts".into(), &points)?;
+        self.sink.now("world/contacts", &points)?;
         if ends.is_empty() {
             return Ok(());
         }
         let label = rerun::Points3D::new(ends).with_colors([BLOW]).with_radii([0.002 * size]).with_labels(labels);
-        now(&self.sink, "world/impulse".into(), &label.with_show_labels(true))
+        self.sink.now("world/impulse", &label.with_show_labels(true))
     }
-}
-
-/// Logs at the present time.
-fn now(sink: &Sink, path: rerun::EntityPath, what: &dyn AsComponents) -> Result<(), RecordError> {
-    sink.rec.log(path, what).map_err(|e| sink.error(e.to_string()))
 }

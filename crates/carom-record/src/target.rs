@@ -3,7 +3,7 @@
 use crate::RecordError;
 use crate::rerun;
 use crate::rerun::external::re_uri::{self, RedapUri};
-use crate::rerun::{RecordingStream, RecordingStreamBuilder};
+use crate::rerun::{AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder};
 use carom_study::Part;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -49,8 +49,8 @@ impl Sink {
         let viewer = |e: rerun::RecordingStreamError| RecordError::Viewer { reason: e.to_string() };
         match target {
             Target::File(path) => {
-                let file = begin(path)?;
-                let rec = builder.save(file.temporary()).map_err(|e| unwritable(&file, &e.to_string()))?;
+                let file = Part::unique(path).map_err(|e| unwritable(path, e.to_string()))?;
+                let rec = builder.save(file.temporary()).map_err(|e| part_unwritable(&file, &e.to_string()))?;
                 Ok(Self { rec, file: Some(file), lost: false })
             }
             Target::Connect(url) => {
@@ -65,9 +65,19 @@ impl Sink {
     /// The error with this reason: of the file if the destination is one, else of the viewer.
     pub fn error(&self, reason: String) -> RecordError {
         match &self.file {
-            Some(file) => unwritable(file, &reason),
+            Some(file) => part_unwritable(file, &reason),
             None => RecordError::Viewer { reason },
         }
+    }
+
+    /// Logs a value that is valid at all times.
+    pub fn fixed(&self, path: impl Into<EntityPath>, what: &dyn AsComponents) -> Result<(), RecordError> {
+        self.rec.log_static(path, what).map_err(|e| self.error(e.to_string()))
+    }
+
+    /// Logs a value at the present time.
+    pub fn now(&self, path: impl Into<EntityPath>, what: &dyn AsComponents) -> Result<(), RecordError> {
+        self.rec.log(path, what).map_err(|e| self.error(e.to_string()))
     }
 
     /// Writes what is buffered and closes the recording.
@@ -80,7 +90,9 @@ impl Sink {
         flushed?;
         let file = self.file.take();
         drop(self); // the end of the stream writes the last bytes of the file
-        file.map_or(Ok(()), keep)
+        let Some(file) = file else { return Ok(()) };
+        let path = file.path().to_owned();
+        file.keep().map_err(|e| unwritable(&path, e.to_string()))
     }
 
     fn flush(&self) -> Result<(), RecordError> {
@@ -112,19 +124,11 @@ fn answers(url: &str) -> Result<(), RecordError> {
 }
 
 /// The error of a file that is being written; the message names the file itself, not its temporary name.
-fn unwritable(file: &Part, reason: &str) -> RecordError {
+fn part_unwritable(file: &Part, reason: &str) -> RecordError {
     let (path, part) = (file.path(), file.temporary());
-    let reason = reason.replace(&part.display().to_string(), &path.display().to_string());
+    unwritable(path, reason.replace(&part.display().to_string(), &path.display().to_string()))
+}
+
+fn unwritable(path: &Path, reason: String) -> RecordError {
     RecordError::Unwritable { path: path.to_owned(), reason }
-}
-
-/// Makes the temporary file of a recording.
-fn begin(path: &Path) -> Result<Part, RecordError> {
-    Part::unique(path).map_err(|e| RecordError::Unwritable { path: path.to_owned(), reason: e.to_string() })
-}
-
-/// Gives a complete recording its name.
-fn keep(file: Part) -> Result<(), RecordError> {
-    let path = file.path().to_owned();
-    file.keep().map_err(|e| RecordError::Unwritable { path, reason: e.to_string() })
 }

@@ -2,23 +2,13 @@
 
 use carom_record::{RecordError, Target, record_map};
 use carom_study::map_study::Study;
-use carom_testing::files::Folder;
+use carom_testing::files::{Folder, path, text};
 use std::path::Path;
 
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-
-/// A folder of its own for each test, removed when the test ends.
-struct Desk(Folder);
-
-impl Desk {
-    /// The study of the README with `count` tip positions along each axis.
-    fn study(&self, count: usize) -> Study {
-        let text = std::fs::read_to_string(format!("{ROOT}/studies/reversal.toml")).unwrap();
-        let text =
-            text.replace("../robots", &format!("{ROOT}/robots")).replace("count = 361", &format!("count = {count}"));
-        std::fs::write(self.0.join("s.toml"), text).unwrap();
-        Study::from_file(self.0.join("s.toml")).unwrap()
-    }
+/// The study of the README with `count` tip positions along each axis.
+fn study(count: usize) -> Study {
+    let text = text("studies/reversal.toml").replace("count = 361", &format!("count = {count}"));
+    Study::from_toml(&text, path("studies")).unwrap()
 }
 
 fn size(path: &Path) -> u64 {
@@ -27,10 +17,9 @@ fn size(path: &Path) -> u64 {
 
 #[test]
 fn a_recorded_map_contains_its_images_and_points() {
-    let desk = Desk(Folder::new());
-    let study = desk.study(31);
-    let path = desk.0.join("m.rrd");
-    record_map(&study, "class", &Target::File(path.clone())).unwrap();
+    let desk = Folder::new();
+    let path = desk.join("m.rrd");
+    record_map(&study(31), "class", &Target::File(path.clone())).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     let holds = |name: &str| bytes.windows(name.len()).any(|window| window == name.as_bytes());
     assert!(bytes.starts_with(b"RRF"));
@@ -39,22 +28,22 @@ fn a_recorded_map_contains_its_images_and_points() {
     }
     assert!(!holds("/map/2"), "there are two elbow poses");
     // Nine times the rows give more points. The file is compressed, so its size has no exact bound.
-    let fine = desk.0.join("fine.rrd");
-    record_map(&desk.study(93), "class", &Target::File(fine.clone())).unwrap();
+    let fine = desk.join("fine.rrd");
+    record_map(&study(93), "class", &Target::File(fine.clone())).unwrap();
     assert!(size(&fine) > size(&path));
 }
 
 #[test]
 fn maps_that_cannot_be_recorded_are_refused_and_no_file_is_written() {
-    let desk = Desk(Folder::new());
-    let path = desk.0.join("m.rrd");
+    let desk = Folder::new();
+    let path = desk.join("m.rrd");
     for (count, column, why) in
         [(5, "clas", "did you mean \"class\"?"), (800, "class", "rows: a recording holds 1048576 at most")]
     {
-        match record_map(&desk.study(count), column, &Target::File(path.clone())) {
+        match record_map(&study(count), column, &Target::File(path.clone())) {
             Err(RecordError::Map(said)) => assert!(said.contains(why), "{said}"),
             other => panic!("{other:?}"),
         }
     }
-    assert_eq!(std::fs::read_dir(&desk.0).unwrap().count(), 1, "only the study is there");
+    assert!(desk.files("").is_empty());
 }

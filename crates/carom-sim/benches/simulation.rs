@@ -5,7 +5,9 @@
 //! other load on the machine affects both alike.
 
 use carom_sim::{Integrator, Moment, Sampling, Scene, Simulation, Summary};
-use std::path::{Path, PathBuf};
+use carom_testing::build::{arm_with_hand, two_arms};
+use carom_testing::files::path;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 type Answer<T> = Result<T, Box<dyn std::error::Error>>;
@@ -30,10 +32,10 @@ fn run(sim: &Simulation, q: &[f64], qd: &[f64], duration: f64) -> Answer<(Summar
 // ---------------------------------------------------------------------------------------------------------------------
 
 fn ratios(folder: &Path) -> Answer<()> {
-    let planar2 = std::fs::read_to_string(root("scenes/planar2.toml"))?;
-    let planar2 = planar2.replace("../robots", &root("robots").display().to_string());
+    let planar2 = std::fs::read_to_string(path("scenes/planar2.toml"))?;
+    let planar2 = planar2.replace("../robots", &path("robots").display().to_string());
     std::fs::write(folder.join("arms.urdf"), two_arms())?;
-    std::fs::write(folder.join("hand.urdf"), HAND)?;
+    std::fs::write(folder.join("hand.urdf"), arm_with_hand())?;
     println!("| scene | planned | `model = \"full\"` | full / planned | velocities, touches: planned, full |");
     println!("| --- | --- | --- | --- | --- |");
     for (name, text) in
@@ -73,32 +75,6 @@ fn median(numbers: &mut [f64]) -> f64 {
     numbers[numbers.len() / 2]
 }
 
-fn root(path: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(path)
-}
-
-/// Two arms of two links on one base; the right one has a ball at its end.
-fn two_arms() -> String {
-    let arm = |side: &str, at: f64| {
-        let link = |k: u8, collision: &str| {
-            format!(
-                r#"<link name="{side}{k}"><inertial><origin xyz="0.15 0 0"/><mass value="1"/>
-                <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>{collision}</link>"#
-            )
-        };
-        let joint = |k: u8, parent: &str, at: f64| {
-            format!(
-                r#"<joint name="{side}_joint{k}" type="continuous"><parent link="{parent}"/><child link="{side}{k}"/>
-                <origin xyz="{at} 0 0"/><axis xyz="0 0 1"/></joint>"#
-            )
-        };
-        let ball = r#"<collision><origin xyz="0.3 0 0"/><geometry><sphere radius="0.02"/></geometry></collision>"#;
-        let ball = if side == "right" { ball } else { "" };
-        [link(1, ""), link(2, ball), joint(1, "base", at), joint(2, &format!("{side}1"), 0.3)].concat()
-    };
-    format!(r#"<robot name="two arms"><link name="base"/>{}{}</robot>"#, arm("left", -1.0), arm("right", 0.2))
-}
-
 const ARMS: &str = r#"
 [robot]
 urdf = "arms.urdf"
@@ -114,16 +90,6 @@ friction = 0.1
 duration = 1.0
 gravity = [0, -9.81, 0]
 "#;
-
-const HAND: &str = r#"<robot name="hand"><link name="base"/>
-    <link name="arm"><inertial><origin xyz="0.3 0 0"/><mass value="2"/>
-      <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
-    <link name="hand"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
-      <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial>
-      <collision><origin xyz="0.1 0 0"/><geometry><box size="0.2 0.1 0.06"/></geometry></collision></link>
-    <joint name="shoulder" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
-    <joint name="wrist" type="continuous"><parent link="arm"/><child link="hand"/><origin xyz="0.6 0 0"/>
-      <axis xyz="0 0 1"/></joint></robot>"#;
 
 const PALM: &str = r#"
 [robot]
@@ -146,7 +112,7 @@ duration = 1.2
 /// The paper's arm from 20 mm before the wall to 0.4 s later, through one impact, under gravity. There is no limit on the
 /// step, so that only the tolerance determines it.
 fn work_against_error() -> Answer<()> {
-    let scene = Scene::from_file(root("scenes/planar2.toml"))?;
+    let scene = Scene::from_file(path("scenes/planar2.toml"))?;
     let plan = scene.plan()?;
     let mut sim = Simulation { max_step: 1.0, gravity: [0.0, -9.81, 0.0].into(), ..plan.simulation };
     sim.touches.retain(|touch| touch.link() == Some("tip"));

@@ -148,7 +148,7 @@ pub enum SimError {
     /// At the start the chain overlaps a surface, another link or a joint limit.
     #[error(
         "at the start {touch} overlaps by {} {unit}: choose a start without overlap{}", four_digits(*depth),
-        if *unit == "rad" { " (angles of joints are in rad)" } else { ", or turn a normal that points away from the robot" }
+        if *unit == "rad" { " (angles of joints are in rad)" } else if touch.contains(" limit of ") { "" } else { ", or turn a normal that points away from the robot" }
     )]
     Overlap {
         /// Name of the touch.
@@ -274,9 +274,10 @@ pub enum SimError {
         /// The fastest approach that is left, m/s or rad/s.
         speed: f64,
     },
-    /// Derivatives of impacts with locked or impedance-weighted joints are not implemented.
+    /// Derivatives of impacts with locked or impedance-weighted joints, and saltation matrices, which contain them, are not implemented.
     #[error(
-        "derivatives of an impact with locked or impedance-weighted joints are not implemented: leave the joints free"
+        "derivatives and saltation matrices of an impact with locked or impedance-weighted joints are not implemented: leave the joints \
+         free"
     )]
     DerivativeOfHeldJoints,
     /// A motion or a robot to which no feedback can be added; the text says why.

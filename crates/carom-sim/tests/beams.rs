@@ -1,7 +1,7 @@
 //! Links that bend in scenes: `[[robot.beam]]`.
 
 use carom_sim::{Scene, SimError};
-use carom_testing::build::{O, Part, Z, urdf};
+use carom_testing::build::{O, Part, X, Y, Z, ball, urdf};
 use carom_testing::files::Folder;
 
 const LENGTH: f64 = 0.8;
@@ -97,22 +97,10 @@ fn beams_that_cannot_be_are_refused_with_the_rule() {
 fn a_bending_rod_keeps_a_part_of_its_bounce_as_vibration() {
     let desk = Desk::new();
     let across = MASS * LENGTH * LENGTH / 12.0;
-    let slide = |name: &str, axis: &str, parent: &str, child: &str| {
-        format!(
-            "<joint name='{name}' type='prismatic'><parent link='{parent}'/><child link='{child}'/><axis xyz='{axis}'/>\
-             <limit lower='-9' upper='9' effort='0' velocity='0'/></joint>"
-        )
-    };
-    let text = format!(
-        "<robot name='r'><link name='w'/><link name='a'/><link name='b'/><link name='rod'><inertial><origin xyz='{0} 0 0'/>\
-         <mass value='{MASS}'/><inertia ixx='1e-9' ixy='0' ixz='0' iyy='{across}' iyz='0' izz='{across}'/></inertial>\
-         <collision><geometry><sphere radius='0.01'/></geometry></collision></link>{1}{2}\
-         <joint name='turn' type='continuous'><parent link='b'/><child link='rod'/><axis xyz='0 0 1'/></joint></robot>",
-        LENGTH / 2.0,
-        slide("x", "1 0 0", "w", "a"),
-        slide("y", "0 1 0", "a", "b")
-    );
-    std::fs::write(desk.0.join("free.urdf"), text).unwrap();
+    let rod = Part::hinge("rod", "b", Z).com([LENGTH / 2.0, 0.0, 0.0]).weighing(MASS, [1e-9, across, across]);
+    let parts =
+        [Part::slider("a", "base", X).massless(), Part::slider("b", "a", Y).massless(), rod.shaped(&ball(0.01))];
+    desk.0.write("free.urdf", urdf(&parts));
     let run = |beam: &str| {
         let text = format!(
             "[robot]\nurdf = \"free.urdf\"\nq = [0, 0.0101, 1.0471975511965976]\nqd = [0, -1, 0]\n{beam}\n\

@@ -5,8 +5,8 @@ use carom_sim::{
     Compliance, ContactLaw, ContactRule, EventKind, Parameter, RestitutionBySpeed, SeveralLaw, SimError, Simulation,
     Touch,
 };
-use carom_testing::build::{Part, Z, brick, chain, falling_ball};
-use carom_testing::scenes::{on_floor, with_robots};
+use carom_testing::build::{Part, Z, chain, falling_ball};
+use carom_testing::scenes::{guided_box, on_floor, with_robots};
 use nalgebra::{Matrix3, Vector3, matrix, vector};
 
 const A: f64 = 0.3;
@@ -19,11 +19,6 @@ fn e(speed: f64) -> f64 {
 fn rule() -> ContactRule {
     let law = Newton { restitution: 0.0, friction: 0.2 };
     ContactRule::new(ContactLaw::by_speed(law, RestitutionBySpeed::Viscoelastic(A)))
-}
-
-/// A box on a vertical guide: all its corners strike the floor at the same time.
-fn guided_box(contact: ContactRule) -> Simulation {
-    on_floor(chain(&[Part::slider("box", "base", Z).weighing(2.0, [1.0; 3]).shaped(&brick([0.2; 3]))]), contact)
 }
 
 #[test]

@@ -49,6 +49,16 @@ fn methods_agree_on_random_scenes() {
     holds("agreement");
 }
 
+/// A ball beside another robot slides, comes to rest within microseconds, and slides on in another direction: the place of the floor moves its
+/// slip by more than what is left of it.
+#[test]
+fn derivatives_of_slip_that_stops_and_begins_again_are_differences() {
+    let census =
+        crate::census::CENSUSES.iter().find(|census| census.name == "gradients").expect("a census of this name");
+    let verdict = (census.judge)(7447);
+    assert_eq!((verdict.bad, verdict.class.as_str()), (false, "agrees, through impacts"), "{}", verdict.note);
+}
+
 #[test]
 fn derivatives_of_random_runs_are_differences_or_told_to_be_missing() {
     holds("gradients");

@@ -3,8 +3,9 @@
 use carom_impact::{KelvinVoigt, Newton};
 use carom_sim::{Compliance, ContactRule, Drive, Gains, Parameter, Pd, Scene, Simulation, Touch, Yielding};
 use carom_testing::build::{self, Part, X, Y, Z, chain, falling_ball};
-use carom_testing::scenes::{changed, newton, on_floor, with_robots};
-use nalgebra::{DMatrix, Vector3};
+use carom_testing::mechanisms::{self, Cut, FourBar};
+use carom_testing::scenes::{among, changed, half_space, newton, on_floor, surface, with_robots};
+use nalgebra::{DMatrix, DVector, Vector3};
 use std::f64::consts::PI;
 
 /// A ball of radius 0.1 m on a vertical slider over the floor z = 0.
@@ -29,6 +30,80 @@ fn the_final_height_of_a_bouncing_ball_has_its_closed_form_gradient() {
         assert!((own[(0, j)] - exact).abs() < 1e-11, "{}: {} against {exact}", found.names[j], own[(0, j)]);
     }
     assert!((found.events[0].time - v / g).abs() < 1e-12 && (found.events[0].time_by[0] - 1.0 / v).abs() < 1e-11);
+}
+
+/// A parallelogram without gravity whose coupler strikes a wall at the angle θ_w turns with −e times its rate then: θ(T) =
+/// θ_w − e θ̇₀ T − e (θ₀ − θ_w). The loop turns its share of the impulse, and the jump of the velocities with it.
+#[test]
+fn a_struck_parallelogram_has_its_closed_form_gradient() {
+    let (e, end, start, rate) = (0.6, 0.9, 2.0_f64, -1.7);
+    let (chain, loops) = mechanisms::parallelogram(mechanisms::ball(0.5, 0.05), "");
+    let wall = surface("wall", half_space([0.7, 0.0, 0.0], [-1.0, 0.0, 0.0]), newton(e, 0.0));
+    let sim = Simulation { loops, tolerance: 1e-11, ..among(chain, &[wall]) };
+    let at = 0.15_f64.acos();
+    let [q, qd] = [start, rate].map(|x| [x, -x, x]);
+    let found = sim.sensitivity(&q, &qd, end, &[Parameter::restitution()]).unwrap();
+    let along = DMatrix::from_fn(7, 3, |i, j| match (i / 3, j) {
+        (2, 2) => 1.0,
+        (block, _) if block == j => [1.0, -1.0, 1.0][i % 3],
+        _ => 0.0,
+    });
+    let by = found.last_by.unwrap() * &along;
+    let exact = [[-e, -e * end, -rate * end - (start - at)], [0.0, -e, -rate]];
+    for (row, exact) in exact.iter().enumerate() {
+        for (j, exact) in exact.iter().enumerate() {
+            for (k, sign) in [1.0, -1.0, 1.0].into_iter().enumerate() {
+                let off = by[(3 * row + k, j)] - sign * exact;
+                assert!(off.abs() < 1e-10, "row {row}, {j}, joint {k}: {off:e}");
+            }
+        }
+    }
+    let time_by = DVector::from_column_slice(&found.events[0].time_by).tr_mul(&along);
+    for (j, exact) in [-1.0 / rate, (start - at) / (rate * rate), 0.0].into_iter().enumerate() {
+        assert!((time_by[j] - exact).abs() < 1e-10, "time by {j}: {:e}", time_by[j] - exact);
+    }
+}
+
+/// An elastic frictionless strike reverses a mechanism of one freedom: without gravity it goes back the way that it came. Its state at T is that
+/// of the motion without the wall at 2 t₁ − T, with the opposite rates, and t₁ is where that motion meets the wall. The tangent of its loop turns, so
+/// that the jump turns with it.
+#[test]
+fn a_struck_four_bar_has_the_gradient_of_its_way_back() {
+    let bar = FourBar { crank: 0.3, coupler: 0.9, rocker: 0.8, ground: 0.7 };
+    let [start, rates] = bar.state(Cut::Joint, 0.9, 3.0);
+    let at = |wall: &[carom_sim::Surface], stop: &str| {
+        let chain = bar.chain(Cut::Joint, [String::new(), mechanisms::ball(0.5, 0.05), String::new()], [stop, "", ""]);
+        let touches = Touch::all(&chain, wall, 1.0).unwrap().touches;
+        let loops = vec![bar.closure(Cut::Joint, mechanisms::pin())];
+        Simulation { loops, tolerance: 1e-12, ..Simulation::new(chain, touches) }
+    };
+    // A wall that the ball meets at the crank angle 1.2, square to its velocity there; and a stop of the crank.
+    let free = at(&[], "");
+    let [there, velocities] = bar.state(Cut::Joint, 1.2, 3.0);
+    let mut workspace = free.chain.workspace();
+    let kin = workspace.update(&free.chain, &there).unwrap();
+    let ball = free.chain.point(free.chain.frame("coupler").unwrap(), Vector3::new(0.5, 0.0, 0.0));
+    let (place, velocity) = (kin.position(ball), kin.point_velocity(ball, &velocities).unwrap());
+    let normal = -velocity.normalize();
+    let wall = surface("wall", half_space(place - 0.05 * normal, normal), newton(1.0, 0.0));
+    let stop = r#"<limit lower="-20" upper="1.2" effort="0" velocity="0"/>"#;
+    for sim in [at(&[wall], ""), at(&[], stop)] {
+        let end = 0.18;
+        let found = sim.sensitivity(&start, &rates, end, &[]).unwrap();
+        let [event] = &found.events[..] else { panic!("{:?}", found.events) };
+        let back = free.sensitivity(&start, &rates, 2.0 * event.time - end, &[]).unwrap();
+        let close = |a: f64, b: f64| (a - b).abs() < 1e-9;
+        assert!(found.last.q.iter().zip(&back.last.q).all(|(a, b)| close(*a, *b)), "{:?} {:?}", found.last, back.last);
+        let (own, other) = (found.last_by.unwrap(), back.last_by.unwrap());
+        for j in 0..6 {
+            for k in 0..6 {
+                let sign = if k < 3 { 1.0 } else { -1.0 };
+                let exact = sign * (other[(k, j)] + 2.0 * back.rate[k] * event.time_by[j]);
+                let off = (own[(k, j)] - exact).abs();
+                assert!(off < 1e-8, "{:?}, {k} by {j}: {off:e} of {exact}", event.kinds);
+            }
+        }
+    }
 }
 
 /// A block that friction holds beside the ball, which the impact does not move, takes no digit from these derivatives.

@@ -2,6 +2,7 @@
 
 use carom_sim::{Drive, EventKind, Scene, SimError, Simulation, Trajectory};
 use carom_testing::files::Folder;
+use carom_testing::scenes::kinds;
 
 /// A point that slides along x and falls along z onto a floor at z = 0, which it may strike only where `condition` is positive. It starts at
 /// (x, z) with the velocity (1, vz).
@@ -56,7 +57,7 @@ fn a_touch_whose_condition_fails_does_not_strike() {
         .find(|it| it.what == "contacts" && it.choice == "ball on floor" && it.why.contains("x - 2 > 0"));
     assert!(told.is_some(), "{:?}", plan.kept);
     let run = run(&scene).unwrap();
-    assert!(run.events.is_empty(), "{:?}", run.events.iter().map(|it| it.kind.name()).collect::<Vec<_>>());
+    assert!(run.events.is_empty(), "{:?}", kinds(&run));
     let last = run.summary.last;
     assert!((last.q[1] - (0.2 - 5.0)).abs() < 1e-9 && (last.qd[1] + 10.0).abs() < 1e-9, "{last:?}");
 }

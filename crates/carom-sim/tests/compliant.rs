@@ -164,11 +164,33 @@ fn a_block_on_a_slope_rests_with_a_bristle_and_creeps_with_smoothed_friction() {
         let [along, off] = [run.summary.last.qd[0], run.summary.last.qd[1]];
         // The remaining velocity is the error of the integration.
         assert!(along.abs() < 1e-8 && off.abs() < 1e-8, "{normal:?}: creeps at {along:e} m/s");
-        assert!(run.summary.energy.error().abs() < 1e-7 && run.summary.energy.resistance < 0.0);
+        let energy = &run.summary.energy;
+        assert!(
+            energy.error().abs() < 1e-7 && energy.resistance < 0.0,
+            "{normal:?}: {:e} {energy:?} {:?}",
+            energy.error(),
+            run.summary.statistics
+        );
         let run = on(Holding::Smoothed { slip_speed: 1e-3 }, 2.0);
         let expected = 1e-3 * (tangent / 0.5_f64).atanh();
         let creep = run.summary.last.qd[0];
         assert!((creep / expected - 1.0).abs() < 1e-6, "{normal:?}: {creep} instead of {expected}");
+    }
+}
+
+/// The force of Walton & Braun vanishes once after its turn, whatever the rounding of that place: there is nothing for time steps.
+#[test]
+fn a_ball_bounces_on_the_unloading_line_from_every_height() {
+    for k in 0..40 {
+        let height = 0.2 + 0.005 * f64::from(k);
+        let scene = with_robots(&format!(
+            "[robot]\nurdf = \"../robots/ball.urdf\"\nfloating = true\ntip = \"ball\"\nq = [0, 0, {height}, 0, 0, 0, 1]\nqd = [1, 0, 0, 0, 0, 0]\n\
+             [[surface]]\nshape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}\n\
+             [contact]\nrestitution = 0.6\ncompliance = {{ stiffness = 1e4, force = \"walton-braun\" }}\n\
+             [run]\nduration = 0.3\ngravity = [0, 0, -9.81]\n"
+        ));
+        let run = scene.unwrap().plan().unwrap().run(0.3).unwrap();
+        assert_eq!(kinds(&run), ["pressing", "lift-off"], "{height}");
     }
 }
 

@@ -1,7 +1,7 @@
 //! Which shapes have compliant contacts: each fulfils the wish for a stiffness, or is refused with the names of the pair.
 
 use carom_sim::{Plan, SimError};
-use carom_testing::build::{self, O, Part, Z, brick, one_body, urdf};
+use carom_testing::build::{self, O, Part, Z, brick, one_body, stl, urdf};
 use carom_testing::scenes::scene;
 
 /// A body of 2 kg over a surface, both given by their shapes, with linear compliance of 1e4 N/m, at this height.
@@ -13,20 +13,12 @@ fn plan(shape: &str, surface: &str, height: f64, more: &str) -> Result<Plan, Sim
          [run]\nduration = 1\ngravity = [0, 0, -9.81]\n"
     );
     // A pyramid with its base of 0.2 m × 0.2 m down, 48 corners on a base that is a ring, as a hull.
-    let ring: Vec<[f64; 2]> =
-        (0..48).map(|k| std::f64::consts::TAU * k as f64 / 48.0).map(|a| [0.1 * a.cos(), 0.1 * a.sin()]).collect();
-    let mut cone = String::from("solid c\n");
-    let mut face = |a: [f64; 3], b: [f64; 3], c: [f64; 3]| {
-        cone += "facet normal 0 0 0\nouter loop\n";
-        [a, b, c].iter().for_each(|p| cone += &format!("vertex {} {} {}\n", p[0], p[1], p[2]));
-        cone += "endloop\nendfacet\n";
+    let ring = |k: usize| {
+        let angle = std::f64::consts::TAU * (k % 48) as f64 / 48.0;
+        [0.1 * angle.cos(), 0.1 * angle.sin(), -0.05]
     };
-    for k in 0..48 {
-        let ([x, y], [v, w]) = (ring[k], ring[(k + 1) % 48]);
-        face([x, y, -0.05], [v, w, -0.05], [0.0, 0.0, 0.1]);
-        face([v, w, -0.05], [x, y, -0.05], [0.0, 0.0, -0.05]);
-    }
-    let cone = cone + "endsolid c\n";
+    let cone =
+        stl((0..48).flat_map(|k| [[ring(k), ring(k + 1), [0.0, 0.0, 0.1]], [ring(k + 1), ring(k), [0.0, 0.0, -0.05]]]));
     scene(&[("cone.stl", &cone), ("robot.urdf", &robot)], &text).and_then(|scene| scene.plan())
 }
 

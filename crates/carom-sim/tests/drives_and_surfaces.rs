@@ -3,12 +3,14 @@
 
 use carom_chain::Chain;
 use carom_contact::Obstacle;
+use carom_impact::Newton;
 use carom_sim::{
-    ContactMode, ContactRule, Drive, EventKind, ImpactInvariant, Oscillation, Simulation, Surface, Touch, Transition,
+    ContactLaw, ContactMode, ContactRule, Drive, EventKind, ImpactInvariant, Oscillation, RestitutionBySpeed,
+    Simulation, Surface, Touch, Transition,
 };
 use carom_testing::build::{self, O, Part, Z, chain};
 use carom_testing::files::robot;
-use carom_testing::scenes::{self, DOWN, G, half_space, level, newton, surface};
+use carom_testing::scenes::{self, DOWN, G, half_space, level, newton, surface, towards_wall};
 use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
 
@@ -139,19 +141,14 @@ fn a_ball_on_a_vibrating_table_doubles_its_period_at_the_closed_form_amplitude()
     }
 }
 
-fn wall_arm(drive: Drive, after: Option<Drive>, e: f64) -> (Simulation, [f64; 2], Vec<f64>) {
+fn wall_arm(drive: Drive) -> (Simulation, [f64; 2], [f64; 2]) {
     let chain = robot("planar2");
     let wall = half_space([0.6464, 0.0, 0.0], -Vector3::x());
-    let rule = newton(e, 0.0);
-    let touches = touching(&chain, wall, rule, None).into_iter().filter(|t| t.link() == Some("tip")).collect();
-    let q = [PI / 4.0, -PI / 2.0];
-    let mut ws = chain.workspace();
-    let point = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
-    let j = ws.update(&chain, &q).unwrap().point_jacobian(point);
-    let u = nalgebra::Vector2::new(0.2, -0.2) * 0.5_f64.sqrt();
-    let qd = nalgebra::Matrix2::from_fn(|a, b| j[(a, b)]).lu().solve(&u).unwrap();
-    let sim = Simulation { tolerance: 1e-10, drive, after_impact: after, ..Simulation::new(chain, touches) };
-    (sim, q, qd.as_slice().to_vec())
+    let touches =
+        touching(&chain, wall, newton(0.35, 0.0), None).into_iter().filter(|t| t.link() == Some("tip")).collect();
+    let (q, qd) = towards_wall(&chain, 0.2);
+    let sim = Simulation { tolerance: 1e-10, drive, ..Simulation::new(chain, touches) };
+    (sim, q, qd)
 }
 
 fn transition(compensate: bool) -> Drive {
@@ -173,7 +170,7 @@ fn a_compensated_transition_leaves_the_impact_with_the_desired_velocity() {
     let wanted = -0.2 * 0.5_f64.sqrt();
     let mut off = Vec::new();
     for compensate in [false, true] {
-        let (sim, q, qd) = wall_arm(transition(compensate), None, 0.35);
+        let (sim, q, qd) = wall_arm(transition(compensate));
         let run = sim.run(&q, &qd, 2.0).unwrap();
         let EventKind::Impact { hit, .. } = &run.events[0].kind else { panic!("{:?}", run.events[0]) };
         off.push((hit.u_plus.y - wanted).abs());
@@ -199,7 +196,7 @@ fn impact_invariant_feedback_is_continuous_at_an_impact() {
     let pd = Drive::Pd(carom_sim::Pd { kp: 0.0.into(), kd: 0.3.into(), target: controller.target.clone() });
     // The jump of the joint forces, Δτ = (M q̈ + bias)⁺ − (M q̈ + bias)⁻, with q̈ from differences of the dense output.
     let jump = |drive: Drive| {
-        let (sim, q, qd) = wall_arm(drive, None, 0.35);
+        let (sim, q, qd) = wall_arm(drive);
         let run = sim.run(&q, &qd, 0.2).unwrap();
         let event = run.events.iter().find(|e| e.kind.name() == "impact").unwrap();
         let chain = &sim.chain;
@@ -256,6 +253,38 @@ fn damping_friction_and_limits_of_a_mimic_joint_act() {
         let (a, b) = (&own.summary.last, &other.summary.last);
         assert!((a.q[0] - b.q[0]).abs() < 1e-8 && (a.qd[0] - b.qd[0]).abs() < 1e-8, "{follower}: {a:?} {b:?}");
     }
+}
+
+/// A slider follows a hinge at 0.1 m/rad, and its limit stops both: it bears (5 N m − g · 0.1 m · 1 kg)/0.1 m beside its weight, its impulse acts on
+/// the slider, and a restitution that depends on the approach speed is that at the speed of the slider.
+#[test]
+fn a_limit_of_a_mimic_joint_acts_in_the_coordinate_of_the_joint() {
+    let hinge = Part::new("hinge", "base", "continuous", Z, O).weighing(1.0, [0.1; 3]);
+    let follower = "<mimic joint='jhinge' multiplier='0.1'/><limit lower='-9' upper='0.05' effort='9' velocity='9'/>";
+    let slider = Part::new("slider", "base", "prismatic", Z, O).weighing(1.0, [0.1; 3]).joint(follower);
+    let chain = chain(&[hinge, slider]);
+    let touches = Touch::all(&chain, &[], 0.0).unwrap().touches;
+    assert_eq!(touches.len(), 2);
+    let drive = Drive::Constant(vec![5.0]);
+    let mut sim = Simulation { gravity: DOWN, drive, ..Simulation::new(chain, touches) };
+    let run = sim.run(&[0.0], &[1.0], 1.0).unwrap();
+    let limit = run.events.iter().find_map(|event| match event.kind {
+        EventKind::Limit { impulse, .. } => Some((event.qd_minus[0], impulse)),
+        _ => None,
+    });
+    let (speed, impulse) = limit.unwrap();
+    let inertia = 0.1 + 1.0 * 0.1 * 0.1;
+    assert!((impulse - inertia * speed / 0.1).abs() < 1e-9 * impulse, "{impulse}");
+    let contacts = &run.summary.contacts;
+    let bears = (5.0 - 0.1 * -DOWN.z) / 0.1;
+    assert!(contacts.len() == 1 && (contacts[0].normal_force - bears).abs() < 1e-9 * bears, "{contacts:?}");
+    // 20 rad/s are 2 m/s.
+    let table = RestitutionBySpeed::Table(vec![[1.0, 0.9], [2.0, 0.1]]);
+    let law = ContactLaw::by_speed(Newton { restitution: 0.0, friction: 0.0 }, table);
+    (sim.drive, sim.gravity) = (Drive::Off, Vector3::zeros());
+    sim.touches.iter_mut().for_each(|touch| touch.contact.law = law.clone());
+    let run = sim.run(&[0.0], &[20.0], 0.04).unwrap();
+    assert!((run.summary.last.qd[0] + 2.0).abs() < 1e-12, "{:?}", run.summary.last.qd);
 }
 
 /// A joint is pushed against its limit, and a motor with a falling force takes it off: the limit bears no pull, and dry friction no more

@@ -219,3 +219,22 @@ fn invalid_joint_models_are_refused() {
         assert!(why.starts_with(words), "{why}");
     }
 }
+
+/// The derivative of an impact with drives is not implemented, and the saltation matrix contains it.
+#[test]
+fn derivatives_and_saltation_matrices_of_held_joints_are_refused() {
+    let chain = robot(&text("arm7"), false);
+    let (q, mut qd) = ([0.3, -0.4, 0.5, 0.6, -0.2, 0.4, 0.1], [0.5, -1.0, 0.3, 0.2, 0.1, -0.6, 0.4]);
+    if strike(&chain, &q, &qd, JointModel::Free).contact().unwrap().problem().u_minus().z > 0.0 {
+        qd = qd.map(|x| -x);
+    }
+    let of = |joints| strike(&chain, &q, &qd, joints);
+    of(JointModel::Free).saltation(&LAW, [0.0, 0.0, -9.81]).unwrap();
+    let damping = [1.0; 7];
+    let impedance = JointModel::Impedance { stiffness: &damping, damping: &damping, contact_time: 0.01 };
+    for joints in [JointModel::Locked(&["elbow_pitch"]), impedance] {
+        assert_eq!(of(joints).derivative(&LAW).unwrap_err(), SimError::DerivativeOfHeldJoints);
+        let found = of(joints).saltation(&LAW, [0.0, 0.0, -9.81]);
+        assert_eq!(found.unwrap_err(), SimError::DerivativeOfHeldJoints, "{joints:?}");
+    }
+}

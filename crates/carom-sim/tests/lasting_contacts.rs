@@ -4,8 +4,10 @@ use carom_chain::Chain;
 use carom_contact::{Mesh, Obstacle};
 use carom_impact::Energetic;
 use carom_sim::{ContactMode, ContactRule, Drive, EventKind, Simulation, Summary};
-use carom_testing::build::{O, Part, X, ball, chain, free, shape, urdf};
-use carom_testing::scenes::{DOWN, G, among, level, newton, on_floor, scene, shipped, surface};
+use carom_testing::build::{O, Part, X, ball, chain, free, shape, stl, urdf};
+use carom_testing::files::Folder;
+use carom_testing::scenes::{DOWN, G, among, kinds, level, newton, on_floor, scene, shipped, surface};
+use carom_testing::tables::numbers;
 use nalgebra::{Isometry3, Vector3};
 
 fn over(chain: Chain, obstacle: Obstacle, restitution: f64) -> Simulation {
@@ -28,15 +30,14 @@ fn a_fast_ball_leaves_the_top_of_a_sphere_at_once() {
     for (share, leaves) in [(0.99, false), (1.01, true)] {
         let v = f64::sqrt(share * G * (post + own));
         let run = sim.run(&q, &[v, 0.0, 0.0, 0.0, 0.0, 0.0], 0.1).unwrap();
-        let kinds: Vec<&str> = run.events.iter().map(|event| event.kind.name()).collect();
         if leaves {
-            assert!(kinds.is_empty(), "{kinds:?}");
+            assert!(run.events.is_empty(), "{:?}", kinds(&run));
             // A parabola, on which the tolerance of 1e-9 applies to some steps.
             let exact = [v * 0.1, 0.0, post + own - G * 0.005];
             let off = run.summary.last.q.iter().zip(exact).fold(0.0_f64, |most, (x, y)| most.max((x - y).abs()));
             assert!(off < 1e-8, "{:?} against {exact:?}", run.summary.last.q);
         } else {
-            assert_eq!(kinds, ["sliding", "lift-off"]);
+            assert_eq!(kinds(&run), ["sliding", "lift-off"]);
         }
     }
 }
@@ -52,8 +53,7 @@ fn a_box_that_starts_with_a_flat_impact_rebounds_without_rotation() {
     let last = &run.summary.last;
     assert!(last.qd[3..].iter().all(|w| w.abs() < 1e-9), "{last:?}");
     assert!((last.qd[2] - 0.5).abs() < 1e-9, "{last:?}");
-    let kinds: Vec<_> = run.events.iter().map(|event| event.kind.name()).collect();
-    assert_eq!(kinds, ["several"]);
+    assert_eq!(kinds(&run), ["several"]);
 }
 
 /// A tetrahedron with a horizontal face through the origin: faces on a mesh take time steps.
@@ -73,8 +73,7 @@ fn a_box_rests_on_an_open_mesh_of_either_orientation() {
         let mut sim = over(body(r#"<box size="0.2 0.2 0.1"/>"#), ground, 0.3);
         sim.gravity = DOWN;
         let run = sim.run(&[0.3, 0.1, 0.05, 0.0, 0.0, 0.0, 1.0], &[0.0; 6], 0.3).unwrap();
-        let kinds: Vec<_> = run.events.iter().map(|event| event.kind.name()).collect();
-        assert_eq!(kinds, ["stepping", "rest"]);
+        assert_eq!(kinds(&run), ["stepping", "rest"]);
         assert!((run.summary.last.q[2] - 0.05).abs() < 1e-12, "{:?}", run.summary.last);
     }
 }
@@ -86,8 +85,7 @@ fn free_motion_begins_ten_full_time_steps_after_the_last_contact() {
     let mut sim = over(body(r#"<box size="0.2 0.2 0.2"/>"#), plateau(), 0.5);
     sim.contact_step = 2.0_f64.powi(-10);
     let run = sim.run(&[0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0], &[0.0, 0.0, -1.0, 0.0, 0.0, 0.0], 0.1).unwrap();
-    let modes: Vec<_> = run.events.iter().map(|event| event.kind.name()).collect();
-    assert_eq!(modes, ["stepping", "free"]);
+    assert_eq!(kinds(&run), ["stepping", "free"]);
     assert!(matches!(run.events[1].kind, EventKind::Mode { mode: ContactMode::Free }));
     let steps = (run.events[1].time - run.events[0].time) / sim.contact_step;
     assert!((9.5..11.0).contains(&steps), "{steps}");
@@ -166,7 +164,7 @@ fn an_accumulation_has_the_friction_of_all_its_impacts() {
         let sim = on_floor(body(&ball(0.1)), contact);
         let sim = Simulation { tolerance: 1e-12, zeno_time, ..sim };
         let run = sim.run(&[0.0, 0.0, 0.1 + drop, 0.0, 0.0, 0.0, 1.0], &[v, 0.0, 0.0, 0.0, 0.0, 0.0], end).unwrap();
-        let kinds: Vec<_> = run.events.iter().map(|event| event.kind.name()).collect();
+        let kinds = kinds(&run);
         assert_eq!(kinds[kinds.len() - 2..], ["zeno", "sliding"], "{kinds:?}");
         // The ball has turned, and q̇ is in its axes.
         let speed = Vector3::from_column_slice(&run.summary.last.qd[..3]).norm();
@@ -208,22 +206,17 @@ fn a_hull_of_many_corners_lands_flat_and_rests() {
         let angle = std::f64::consts::TAU * (k % 20) as f64 / 20.0;
         [0.1 * angle.cos(), 0.1 * angle.sin(), z]
     };
-    let mut text = String::from("solid s\n");
-    let mut face = |corners: [[f64; 3]; 3]| {
-        text += "facet normal 0 0 0\nouter loop\n";
-        corners.iter().for_each(|[x, y, z]| text += &format!("vertex {x} {y} {z}\n"));
-        text += "endloop\nendfacet\n";
-    };
-    for k in 0..20 {
-        face([[0.0, 0.0, 0.125], corner(k, 0.125), corner(k + 1, 0.125)]);
-        face([[0.0, 0.0, -0.125], corner(k + 1, -0.125), corner(k, -0.125)]);
-        face([corner(k, -0.125), corner(k + 1, -0.125), corner(k, 0.125)]);
-        face([corner(k + 1, -0.125), corner(k + 1, 0.125), corner(k, 0.125)]);
-    }
-    let file = std::env::temp_dir().join(format!("prism-{}.stl", std::process::id()));
-    std::fs::write(&file, text + "endsolid s\n").unwrap();
+    let sides = (0..20).flat_map(|k| {
+        [
+            [[0.0, 0.0, 0.125], corner(k, 0.125), corner(k + 1, 0.125)],
+            [[0.0, 0.0, -0.125], corner(k + 1, -0.125), corner(k, -0.125)],
+            [corner(k, -0.125), corner(k + 1, -0.125), corner(k, 0.125)],
+            [corner(k + 1, -0.125), corner(k + 1, 0.125), corner(k, 0.125)],
+        ]
+    });
+    let folder = Folder::new();
+    let file = folder.write("prism.stl", stl(sides));
     let mut sim = over(body(&format!(r#"<mesh filename="{}"/>"#, file.display())), level(), 0.0);
-    std::fs::remove_file(&file).unwrap();
     sim.gravity = DOWN;
     let height = 0.05;
     let run = sim.run(&[0.0, 0.0, 0.125 + height, 0.0, 0.0, 0.0, 1.0], &[0.0; 6], 0.5).unwrap();
@@ -237,82 +230,27 @@ fn a_hull_of_many_corners_lands_flat_and_rests() {
 }
 
 /// Number of time steps in a run of a scene of the repository from this state.
-fn time_steps(scene: &str, q: &[f64], qd: &[f64], duration: f64) -> usize {
+fn time_steps(scene: &str, q: &str, qd: &str, duration: f64) -> usize {
     let simulation = shipped(scene).plan().unwrap().simulation;
-    simulation.run(q, qd, duration).unwrap().summary.statistics.contact_steps
+    simulation.run(&numbers(q), &numbers(qd), duration).unwrap().summary.statistics.contact_steps
 }
 
 /// Slip that stays slow after it began, of a foot of a quadruped that falls tilted: a stiff equation, which the implicit integrator does not
 /// follow beyond a kink. The explicit one does with more steps, and no time steps are needed.
 #[test]
 fn slow_slip_that_the_implicit_integrator_does_not_follow_takes_no_time_steps() {
-    let q = [
-        -0.03356946104196515,
-        0.018720311594836538,
-        0.4567796438430465,
-        0.14154446188702502,
-        0.07181361113006499,
-        -0.0710085037169554,
-        0.9847668571623699,
-        0.2994967395006248,
-        0.429203983339598,
-        -1.3031097072378772,
-        -0.1446217412266666,
-        0.4268997664273185,
-        -1.6196173089764183,
-        -0.21285385652991384,
-        0.9266428098480659,
-        -1.3096139268933142,
-        0.18845329267556024,
-        0.8730129438512846,
-        -1.1967173671794986,
-    ];
-    let qd = [
-        0.20453249359533932,
-        0.16680742441743746,
-        -0.11216966787406035,
-        -0.09816210792877955,
-        -0.9293711919589503,
-        -0.7198387506247635,
-        0.8310612048782484,
-        0.40939245603937047,
-        -0.9499171004169229,
-        -0.46529500870503604,
-        0.5361128194987816,
-        -0.4102416009237033,
-        -0.0593427802196731,
-        0.22787514350279414,
-        -0.8435360001431319,
-        -0.6378755041552109,
-        -0.41585794107336727,
-        0.8291163984669598,
-    ];
-    assert_eq!(time_steps("quadruped", &q, &qd, 0.5), 0);
+    let q = "-0.03356946104196515 0.018720311594836538 0.4567796438430465 0.14154446188702502 0.07181361113006499 -0.0710085037169554 0.9847668571623699 0.2994967395006248 0.429203983339598 -1.3031097072378772 -0.1446217412266666 0.4268997664273185 -1.6196173089764183 -0.21285385652991384 0.9266428098480659 -1.3096139268933142 0.18845329267556024 0.8730129438512846 -1.1967173671794986";
+    let qd = "0.20453249359533932 0.16680742441743746 -0.11216966787406035 -0.09816210792877955 -0.9293711919589503 -0.7198387506247635 0.8310612048782484 0.40939245603937047 -0.9499171004169229 -0.46529500870503604 0.5361128194987816 -0.4102416009237033 -0.0593427802196731 0.22787514350279414 -0.8435360001431319 -0.6378755041552109 -0.41585794107336727 0.8291163984669598";
+    assert_eq!(time_steps("quadruped", q, qd, 0.5), 0);
 }
 
 /// A probe that slides over the border of a table's face, whose gap has another curvature on either side. With the mean of both for its
 /// acceleration it opened, and closed by the motion every 6e-8 s, until time steps were taken.
 #[test]
 fn a_probe_that_slides_over_the_border_of_a_face_takes_no_time_steps() {
-    let q = [
-        -0.255450273531467,
-        0.7253344719666563,
-        0.2532613232406475,
-        0.802944542789956,
-        -0.005468107454990889,
-        0.65205574235964,
-        -0.15459553461385286,
-    ];
-    let qd = [
-        -0.40809898112556975,
-        -0.20775739240410018,
-        -0.003306518425865157,
-        -0.43594539589391434,
-        0.4377400651292773,
-        -0.3450594681704363,
-        -0.39526114786828126,
-    ];
-    assert_eq!(time_steps("table", &q, &qd, 0.8), 0);
+    let q = "-0.255450273531467 0.7253344719666563 0.2532613232406475 0.802944542789956 -0.005468107454990889 0.65205574235964 -0.15459553461385286";
+    let qd = "-0.40809898112556975 -0.20775739240410018 -0.003306518425865157 -0.43594539589391434 0.4377400651292773 -0.3450594681704363 -0.39526114786828126";
+    assert_eq!(time_steps("table", q, qd, 0.8), 0);
 }
 
 /// A slider that a constant force presses against its elastic limit bounces for ever, unless its bounces are lower than the tolerance
@@ -329,7 +267,7 @@ fn elastic_bounces_end_only_below_the_tolerance() {
     let run = sim.run(&[0.0, 0.5 - height], &[0.0; 2], 20.0 * fall).unwrap();
     assert_eq!(run.events.iter().filter(|event| event.kind.name() == "limit").count(), 10);
     let run = sim.run(&[0.0, 0.5 - 1e-9], &[0.0; 2], 1.0).unwrap();
-    let kinds: Vec<&str> = run.events.iter().map(|event| event.kind.name()).collect();
+    let kinds = kinds(&run);
     assert_eq!((kinds[0], run.summary.statistics.contact_steps), ("limit", 0), "{kinds:?}");
     let last = run.summary.last.q[1];
     assert!(kinds.len() < 5 && (last - 0.5).abs() < 1e-12, "{kinds:?} {last}");

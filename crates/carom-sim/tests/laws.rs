@@ -7,8 +7,7 @@ use carom_impact::{
 use carom_sim::{
     ChainImpact, ContactLaw, ContactRule, Event, EventKind, Impacts, Moment, Scene, SimError, Simulation, States,
 };
-use carom_testing::build::{Part, Z, brick, chain};
-use carom_testing::scenes::{on_floor, shipped, with_robots};
+use carom_testing::scenes::{guided_box, shipped, with_robots};
 use nalgebra::Vector3;
 
 /// Newton's law with a restitution that decreases with the approach speed.
@@ -160,11 +159,6 @@ fn the_plan_names_a_users_law_and_its_friction_is_not_left_out() {
     // Without friction only laws of carom-impact are known to agree.
     assert!(made(ContactLaw::new(Slowing, 0.5, 0.0)).0.left_out.iter().all(|it| it.what != "friction"));
     assert!(made(Frictionless { restitution: 0.5 }.into()).0.left_out.iter().any(|it| it.what == "friction"));
-}
-
-/// A box on a vertical guide: all its corners strike the floor at the same time.
-fn guided_box(contact: ContactRule) -> Simulation {
-    on_floor(chain(&[Part::slider("box", "base", Z).weighing(2.0, [1.0; 3]).shaped(&brick([0.2; 3]))]), contact)
 }
 
 #[test]
@@ -328,10 +322,12 @@ fn invalid_laws_and_coefficients_of_scene_files_are_refused_with_key_value_and_r
 #[test]
 fn a_tangential_restitution_that_no_law_uses_is_a_warning() {
     let warns = |surface: &str, rest: &str| written(surface, rest).unwrap().warnings;
-    let text = "tangential_restitution: only the law \"chatterjee-ruina\" uses it, and no contact of this scene has it";
+    let text = "tangential_restitution: only the law \"chatterjee-ruina\" of rigid contacts uses it, and no contact of this scene has it";
     assert_eq!(warns("", "[contact]\nlaw = \"newton\"\ntangential_restitution = 0.1"), [text]);
     assert_eq!(warns("contact = { tangential_restitution = 0.1 }", ""), [text]);
     assert_eq!(warns("", "[[contact.pair]]\nlink = \"tip\"\ntangential_restitution = 0.1"), [text]);
+    let soft = "law = \"chatterjee-ruina\"\nrestitution = 0.5\ncompliance = { stiffness = 1e6 }";
+    assert_eq!(warns("", &format!("[contact]\n{soft}\ntangential_restitution = 0.1")), [text]);
     let zero = "contact = { law = \"chatterjee-ruina\", tangential_restitution = 0 }";
     assert!(warns(zero, "[contact]\ntangential_restitution = 0.1").is_empty());
     assert!(warns("", "[contact]\nlaw = \"newton\"\ntangential_restitution = 0").is_empty());

@@ -3,7 +3,7 @@
 use carom_chain::Chain;
 use carom_impact::Frictionless;
 use carom_impact::{Coefficients, Energetic};
-use carom_sim::{ContactLaw, ContactRule, Event, EventKind, SeveralLaw, Simulation, Touch};
+use carom_sim::{ContactLaw, ContactRule, Event, EventKind, SeveralLaw, Simulation, Touch, Trajectory};
 use carom_testing::build::{O, Part, X, Z, ball, brick, chain};
 use carom_testing::scenes::shipped;
 use nalgebra::Vector3;
@@ -25,6 +25,16 @@ fn neighbours(chain: Chain, contact: ContactRule) -> Simulation {
     Simulation::new(chain.clone(), touches.collect())
 }
 
+/// A run in which the first ball strikes the others, which touch each other at rest, with 1 m/s after 0.3 s.
+fn struck(sim: &Simulation) -> Trajectory {
+    let count = sim.chain.nv();
+    let mut q: Vec<f64> = (0..count).map(|k| 2.0 * RADIUS * k as f64).collect();
+    q[0] = -0.3;
+    let mut qd = vec![0.0; count];
+    qd[0] = 1.0;
+    sim.run(&q, &qd, 0.5).unwrap()
+}
+
 /// B14: two balls of 1 kg, the first at 1 m/s, e = 1: they exchange their velocities, and the second ends at x₁ + v₀T + 2r.
 #[test]
 fn an_elastic_pair_exchanges_velocities() {
@@ -35,6 +45,14 @@ fn an_elastic_pair_exchanges_velocities() {
     assert!((end.q[0] - 0.32).abs() < 1e-13, "{:?}", end.q);
     assert!((end.qd[0]).abs() < 1e-14 && (end.qd[1] - 1.0).abs() < 1e-14, "{:?}", end.qd);
     assert!((run.events[0].time - 0.32).abs() < 1e-14);
+}
+
+/// The contacts of a link are those in which it is the first, and those in which it is the second.
+#[test]
+fn a_link_names_its_contacts_on_both_sides() {
+    let sim = neighbours(row(3), ContactRule::new(Frictionless { restitution: 1.0 }));
+    let of = |name| Touch::named(&sim.touches, name).unwrap();
+    assert_eq!([of("ball1"), of("ball2"), of("ball3")], [vec![0], vec![0, 1], vec![1]]);
 }
 
 /// B8: the first ball strikes two (or four) balls at rest that touch each other.
@@ -51,12 +69,7 @@ fn each_law_of_several_contacts_gives_its_cradle_velocities() {
     ];
     for (count, restitution, several, after) in cases {
         let contact = ContactRule::new(Frictionless { restitution });
-        let sim = Simulation { several, ..neighbours(row(count), contact) };
-        let mut q: Vec<f64> = (0..count).map(|k| 2.0 * RADIUS * k as f64).collect();
-        q[0] = -0.3;
-        let mut qd = vec![0.0; count];
-        qd[0] = 1.0;
-        let run = sim.run(&q, &qd, 0.5).unwrap();
+        let run = struck(&Simulation { several, ..neighbours(row(count), contact) });
         let hit = &run.events[0];
         assert!((hit.time - 0.3).abs() < 1e-14, "{several:?} {}", hit.time);
         for (found, expected) in hit.qd_plus.iter().zip(&after) {
@@ -150,11 +163,7 @@ fn energetic_law_disperses_cradles_as_elastic_contacts_do() {
         let mut sim = neighbours(row(count), contact);
         sim.several = SeveralLaw::Energetic { exponent };
         sim.touches.iter_mut().zip(&stiffnesses).for_each(|(touch, k)| touch.contact.relative_stiffness = *k);
-        let mut q: Vec<f64> = (0..count).map(|k| 2.0 * RADIUS * k as f64).collect();
-        q[0] = -0.3;
-        let mut qd = vec![0.0; count];
-        qd[0] = 1.0;
-        let run = sim.run(&q, &qd, 0.5).unwrap();
+        let run = struck(&sim);
         // As many digits as are known.
         let within = if count == 3 { 1e-6 } else { 1e-5 };
         for (found, expected) in run.events[0].qd_plus.iter().zip(&after) {

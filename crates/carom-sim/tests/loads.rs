@@ -4,6 +4,7 @@ use carom_chain::urdf::{LoadOptions, read_file};
 use carom_chain::{Chain, Coordinates};
 use carom_sim::{Event, EventKind, Sampling, Scene, Seen, Simulation, Summary};
 use carom_testing::files::path;
+use carom_testing::scenes::{changed, shipped, with_robots};
 use nalgebra::{Matrix3, Vector3};
 
 /// Name, mass, centre of mass and inertia of a link with mass, in its axes.
@@ -46,12 +47,6 @@ fn run(scene: &Scene, every: f64, loads: bool) -> Told {
         Seen::Contacts(..) | Seen::Segment(_) => {}
     });
     Told { events, moments, summary: summary.unwrap(), sim: plan.simulation }
-}
-
-fn scene_of(name: &str, change: impl FnOnce(String) -> String) -> Scene {
-    let folder = path("scenes");
-    let text = std::fs::read_to_string(folder.join(name)).unwrap();
-    Scene::from_toml(&change(text), &folder).unwrap()
 }
 
 /// Whether a link is the child of a joint, or below it.
@@ -109,14 +104,14 @@ fn check_balance(sim: &Simulation, event: &Event, links: &[Heavy]) {
 fn impulses_through_joints_balance_the_momentum_of_the_links_below_at_every_impact_of_a_run() {
     let arm_and_ball = [("arm/", "planar2.urdf"), ("ball/", "ball.urdf")];
     for (name, robots, least) in [
-        ("strike7.toml", &[("", "arm7.urdf")][..], 1),
-        ("planar2.toml", &[("", "planar2.urdf")], 1),
-        ("quadruped.toml", &[("", "quadruped.urdf")], 1),
-        ("cradle.toml", &[("", "cradle.urdf")], 4),
-        ("racket.toml", &[("", "racket.urdf")], 1),
-        ("catch.toml", &arm_and_ball, 3),
+        ("strike7", &[("", "arm7.urdf")][..], 1),
+        ("planar2", &[("", "planar2.urdf")], 1),
+        ("quadruped", &[("", "quadruped.urdf")], 1),
+        ("cradle", &[("", "cradle.urdf")], 4),
+        ("racket", &[("", "racket.urdf")], 1),
+        ("catch", &arm_and_ball, 3),
     ] {
-        let scene = scene_of(name, |text| text);
+        let scene = shipped(name);
         let told = run(&scene, scene.duration, true);
         let links = links(robots);
         let impacts: Vec<_> = told.events.iter().filter(|event| event.loads.is_some()).collect();
@@ -133,10 +128,9 @@ fn impulses_through_joints_balance_the_momentum_of_the_links_below_at_every_impa
 /// A joint that runs into its limit, and a tip that a latch holds: M Δq̇ is the stop's impulse, and Jᵀp of the latch.
 #[test]
 fn the_impulse_of_a_stop_is_along_the_axis_of_its_joint_and_that_of_a_latch_at_its_contact() {
-    let text = "[robot]\nurdf = \"../robots/planar2.urdf\"\nq = [0, 2.9]\nqd = [0.1, 2]\n[contact]\nlimit_restitution = 0.5\n[run]\n\
+    let text = "[robot]\nurdf = \"planar2.urdf\"\nq = [0, 2.9]\nqd = [0.1, 2]\n[contact]\nlimit_restitution = 0.5\n[run]\n\
                 duration = 0.3\ngravity = [0, 0, 0]";
-    let scene = scene_of("planar2.toml", |_| text.to_owned());
-    let told = run(&scene, 0.1, true);
+    let told = run(&with_robots(text).unwrap(), 0.1, true);
     let event = &told.events[0];
     let EventKind::Limit { impulse, .. } = &event.kind else { panic!("{:?}", event.kind) };
     check_balance(&told.sim, event, &links(&[("", "planar2.urdf")]));
@@ -144,7 +138,7 @@ fn the_impulse_of_a_stop_is_along_the_axis_of_its_joint_and_that_of_a_latch_at_i
     // The upper limit pushes back.
     assert!((through[1].moment.z + impulse).abs() < 1e-14 && through[0].moment.z.abs() < 1e-14, "{through:?}");
 
-    let latched = scene_of("planar2.toml", |text| text.replace("[contact]", "[contact]\nlatch = true"));
+    let latched = changed("planar2", &[("[contact]", "[contact]\nlatch = true")]);
     let told = run(&latched, 0.1, true);
     let event = told.events.iter().find(|event| event.kind.name() == "latch").unwrap();
     assert_eq!(event.impulses.len(), 1);
@@ -164,7 +158,7 @@ fn the_impulse_of_a_stop_is_along_the_axis_of_its_joint_and_that_of_a_latch_at_i
 fn forces_of_motors_are_those_of_their_control_law_after_its_limits() {
     // Stiffer than the scene, so that the landing needs more than the motors have.
     let (kp, kd) = (600.0, 9.0);
-    let scene = scene_of("quadruped.toml", |text| text.replace("kp = 150", "kp = 600").replace("kd = 4", "kd = 9"));
+    let scene = changed("quadruped", &[("kp = 150", "kp = 600"), ("kd = 4", "kd = 9")]);
     let targets: toml::Table = scene.text.parse().unwrap();
     let targets = &targets["run"]["target"];
     let told = run(&scene, 0.002, true);
@@ -203,7 +197,7 @@ fn forces_of_motors_are_those_of_their_control_law_after_its_limits() {
 /// ∫ τ·q̇ dt by the trapezoidal rule between the samples and the impacts, whose error is of second order in their distance.
 #[test]
 fn the_power_of_the_motors_is_the_rate_of_their_work_in_the_energy_balance() {
-    let scene = scene_of("racket.toml", |text| text);
+    let scene = shipped("racket");
     let told = run(&scene, 2e-5, true);
     let power = |qd: &[f64], forces: &[f64]| qd.iter().zip(forces).map(|(v, f)| v * f).sum::<f64>();
     let mut stages: Vec<[f64; 3]> = told.moments.iter().map(|(t, _, qd, f)| [*t, power(qd, f), power(qd, f)]).collect();
@@ -223,8 +217,8 @@ fn the_power_of_the_motors_is_the_rate_of_their_work_in_the_energy_balance() {
 /// Runs with loads and without have the same events and ends, bit by bit; those without have no loads.
 #[test]
 fn loads_change_nothing_in_a_run() {
-    for name in ["racket.toml", "quadruped.toml", "four_bar.toml"] {
-        let scene = scene_of(name, |text| text);
+    for name in ["racket", "quadruped", "four_bar"] {
+        let scene = shipped(name);
         let [plain, loaded] = [false, true].map(|loads| run(&scene, 0.01, loads));
         assert_eq!(format!("{:?}", plain.summary), format!("{:?}", loaded.summary), "{name}");
         assert!(plain.events.iter().all(|event| event.loads.is_none()));
@@ -240,7 +234,7 @@ fn loads_change_nothing_in_a_run() {
 /// Around a loop the impulses can be divided in many ways: they are not told, but those that the contact demands are.
 #[test]
 fn mechanisms_with_loops_have_no_impulses_through_joints() {
-    let scene = scene_of("four_bar.toml", |text| text);
+    let scene = shipped("four_bar");
     let told = run(&scene, 0.1, true);
     let event = told.events.iter().find_map(|event| event.loads.as_ref()).unwrap();
     assert!(event.impact.through.is_empty());

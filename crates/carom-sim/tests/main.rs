@@ -19,7 +19,6 @@ mod faces;
 mod feedback;
 mod held_joints;
 mod impact_at_points;
-mod jams;
 mod lasting_contacts;
 mod laws;
 mod linear_runs;

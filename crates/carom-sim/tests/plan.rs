@@ -3,7 +3,7 @@
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_sim::{Moment, Oscillation, Scene, Simulation, Surface, Touch};
-use carom_testing::build::{O, Part, X, Z, ball, brick, chain, shape, urdf};
+use carom_testing::build::{O, Part, X, Z, arm_with_hand, ball, chain, shape, two_arms, urdf};
 use carom_testing::scenes::{self, half_space, rule, surface, touching};
 use nalgebra::Vector3;
 
@@ -118,17 +118,6 @@ shape = { sphere = { centre = [0, 0, 2], radius = 0.5 } }
 /// Two arms on one base; only one of them can touch the wall.
 #[test]
 fn a_branch_without_contacts_is_in_the_answer() {
-    let link = |name: &str, parent: &str, x: f64| {
-        let part = Part::hinge(name, parent, Z).at([x, 0.0, 0.0]).com([0.15, 0.0, 0.0]);
-        part.weighing(1.0, [0.001, 0.01, 0.01])
-    };
-    let tip = shape(&ball(0.02), [0.3, 0.0, 0.0], O);
-    let robot = urdf(&[
-        link("left1", "base", -1.0),
-        link("left2", "left1", 0.3),
-        link("right1", "base", 0.2),
-        link("right2", "right1", 0.3).with(tip),
-    ]);
     let text = r#"
 [robot]
 urdf = "robot.urdf"
@@ -145,20 +134,14 @@ duration = 1.0
 tolerance = 1e-12
 gravity = [0, -9.81, 0]
 "#;
-    let [less, all] = same_motion("branch", &robot, text, &[0, 1, 2, 3], 2);
+    let [less, all] = same_motion("branch", &two_arms(), text, &[0, 1, 2, 3], 2);
     assert_eq!((less.chain.nv(), all.chain.nv()), (4, 4));
 }
 
 /// An arm whose hand is a box: in space two corners hit at the same time, in the plane one.
 #[test]
 fn corners_with_the_same_planar_position_are_merged() {
-    let link = |name: &str, parent: &str, x: f64, com: f64, mass: f64| {
-        let part = Part::hinge(name, parent, Z).at([x, 0.0, 0.0]).com([com, 0.0, 0.0]);
-        part.weighing(mass, [0.01, 0.05 * mass, 0.05 * mass])
-    };
-    let hand = Part { inertia: [0.01, 0.02, 0.02], ..link("hand", "arm", 0.6, 0.1, 1.0) };
-    let hand = hand.with(shape(&brick([0.2, 0.1, 0.06]), [0.1, 0.0, 0.0], O));
-    let robot = urdf(&[link("arm", "base", 0.0, 0.3, 2.0), hand]);
+    let robot = arm_with_hand();
     let text = r#"
 [robot]
 urdf = "robot.urdf"

@@ -4,7 +4,7 @@
 use carom_chain::Chain;
 use carom_sim::{Drive, Load, Profile, Reference, Simulation, Surface, Touch, Tracking, Wrench, WrenchAxes};
 use carom_testing::files::robot_with;
-use carom_testing::scenes::{G, half_space, newton, on_floor, shipped, surface};
+use carom_testing::scenes::{G, half_space, kinds, newton, on_floor, shipped, surface};
 use nalgebra::Vector3;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
@@ -152,7 +152,7 @@ fn a_tracking_arm_passes_an_unexpected_wall() {
     let (_, free) = run(&[]);
     assert!(off(&free.summary.last.q, 3.0) < 1e-8, "without the wall the arm stays on its reference");
     let (sim, met) = run(&[wall]);
-    let kinds: Vec<&str> = met.events.iter().map(|event| event.kind.name()).collect();
+    let kinds = kinds(&met);
     assert!(kinds.contains(&"impact") && kinds.contains(&"sliding") && kinds.last() == Some(&"lift-off"), "{kinds:?}");
     let (mut deepest, mut furthest) = (f64::INFINITY, 0.0_f64);
     for k in 0..=600 {

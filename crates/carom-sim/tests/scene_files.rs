@@ -2,6 +2,7 @@
 
 use carom_chain::ChainError;
 use carom_sim::{Drive, Scene, SeveralLaw, SimError};
+use carom_testing::build::{O, Part, X, Y, Z, shape, stl, urdf};
 use carom_testing::files::{self, Folder};
 use carom_testing::scenes;
 use std::path::PathBuf;
@@ -70,36 +71,18 @@ struct Desk(Folder);
 impl Desk {
     fn new() -> Self {
         let folder = Folder::new();
-        let inertial =
-            "<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>";
-        let mesh = "<collision><geometry><mesh filename='package://parts/cube.stl'/></geometry></collision>";
-        let joint = |name: &str, parent: &str, child: &str| {
-            format!(
-                "<joint name='{name}' type='continuous'><parent link='{parent}'/><child link='{child}'/><axis xyz='1 0 0'/></joint>"
-            )
-        };
-        let text = format!(
-            "<robot name='r'><link name='a'/><link name='b'>{inertial}{mesh}</link><link name='c'/>{}{}</robot>",
-            joint("j", "a", "b"),
-            joint("k", "b", "c")
-        );
+        let mesh = shape("<mesh filename='package://parts/cube.stl'/>", O, O);
+        let parts = [Part::hinge("b", "base", X).with(mesh), Part::hinge("c", "b", X).massless()];
         std::fs::create_dir_all(folder.join("packages/parts")).unwrap();
-        folder.write("r.urdf", text);
+        folder.write("r.urdf", urdf(&parts));
         Self(folder)
     }
 
     /// A tetrahedron, as the mesh of the package.
     fn write_mesh(&self) -> PathBuf {
-        let corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]];
-        let mut text = String::from("solid s\n");
-        for face in [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
-            text += "facet normal 0 0 0\nouter loop\n";
-            for [x, y, z] in face.map(|k: usize| corners[k]) {
-                text += &format!("vertex {x} {y} {z}\n");
-            }
-            text += "endloop\nendfacet\n";
-        }
-        self.0.write("packages/parts/cube.stl", text + "endsolid s\n")
+        let corners = [O, X, Y, Z];
+        let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+        self.0.write("packages/parts/cube.stl", stl(faces.map(|face: [usize; 3]| face.map(|k| corners[k]))))
     }
 
     fn scene(&self, robot: &str, surfaces: &str) -> Result<Scene, SimError> {
@@ -118,7 +101,7 @@ fn scenes_repair_robots_and_refuse_those_without_dynamics() {
     let scene = desk.scene("q = [0]\nrepair = true", "").unwrap();
     assert_eq!(scene.simulation.chain.report().repairs.len(), 1);
     let error = desk.scene("q = [0]\nrepair = true\nstrict = true", "").unwrap_err().to_string();
-    assert!(error.contains("r.urdf:1: link 'b' <collision>: mesh 'package://parts/cube.stl' is not found"), "{error}");
+    assert!(error.contains("r.urdf:3: link 'b' <collision>: mesh 'package://parts/cube.stl' is not found"), "{error}");
 }
 
 #[test]

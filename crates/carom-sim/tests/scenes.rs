@@ -1,10 +1,10 @@
 //! The shipped scenes: each has the events and the final state that its first lines describe.
 
-use carom_sim::{Event, Scene, Trajectory};
-use carom_testing::scenes::with_robots;
+use carom_sim::{Scene, Trajectory};
+use carom_testing::scenes::{kinds, shipped, with_robots};
 
 fn run(name: &str) -> (Scene, Trajectory) {
-    let scene = Scene::from_file(format!("{}/../../scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let scene = shipped(name);
     let plan = scene.plan().unwrap();
     let run = plan.simulation.run(&plan.q, &plan.qd, scene.duration).unwrap();
     // No shape penetrates a surface by more than the overlap of a time step.
@@ -20,11 +20,11 @@ fn run(name: &str) -> (Scene, Trajectory) {
 }
 
 /// The events of a run contain these kinds in this order.
-fn happens(scene: &str, run: &Trajectory, kinds: &[&str]) {
-    let mut events = run.events.iter().map(|event: &Event| event.kind.name());
-    for kind in kinds {
-        let all = || run.events.iter().map(|event| event.kind.name()).collect::<Vec<_>>();
-        assert!(events.any(|name| name == *kind), "{scene}: '{kind}' is missing or out of order in {:?}", all());
+fn happens(scene: &str, run: &Trajectory, expected: &[&str]) {
+    let all = kinds(run);
+    let mut events = all.iter();
+    for kind in expected {
+        assert!(events.any(|name| name == kind), "{scene}: '{kind}' is missing or out of order in {all:?}");
     }
 }
 

@@ -1,13 +1,15 @@
 //! Derivatives of whole runs against differences of runs, and where there are none.
 
 use crate::closed_gradients::ball;
+use carom_chain::Chain;
 use carom_impact::{Damping, Newton};
 use carom_sim::{
-    Compliance, ContactRule, Drive, Loop, LoopFrame, LoopJoint, Parameter, Plan, Scene, Sensitivity, Simulation,
-    TorqueTable, Yielding,
+    Belt, Compliance, ContactRule, Drive, Loop, LoopFrame, LoopJoint, Parameter, Plan, Profile, Scene, Sensitivity,
+    Simulation, Surface, SurfaceMotion, TorqueTable, Touch, Yielding,
 };
 use carom_testing::build::{self, Part, X, Y, Z, along, chain};
-use carom_testing::scenes::{DOWN, changed, newton, on_floor};
+use carom_testing::mechanisms::{self, Rod};
+use carom_testing::scenes::{DOWN, among, changed, half_space, level, newton, on_floor, surface, with_robots};
 use nalgebra::{DMatrix, DVector, Rotation3, Vector3};
 
 /// The final state as displacement from `last` and velocity.
@@ -214,6 +216,88 @@ fn sensitivities_through_a_contact_with_a_bristle_equal_differences_of_runs() {
     assert_eq!(kinds, ["pressing", "lift-off"]);
 }
 
+/// A floating ball of 60 g bounces once with slip on compliant floors, each of its sliders begins and ceases to slip several times: near the
+/// closing and the opening the deflection is as small as the steps of differences were.
+#[test]
+fn sensitivities_through_bristles_of_every_stiffness_equal_differences_of_runs() {
+    for force in ["hunt-crossley", "kelvin-voigt", "walton-braun"] {
+        for (stiffness, damping, slip) in [(1e3, 1.0, 1.0), (1e4, 1.0, 1.0), (1e4, 100.0, 0.1), (1e5, 10.0, 1.0)] {
+            // Its steps are those of the bristle, and the run is the more accurate.
+            let text = format!(
+                "[robot]\nurdf = \"../robots/ball.urdf\"\nfloating = true\ntip = \"ball\"\nq = [0, 0, 0.3, 0, 0, 0, 1]\n\
+                 qd = [{slip}, 0, 0, 0, 0, 0]\n[[surface]]\nname = \"floor\"\nshape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}\n\
+                 [contact]\nrestitution = 0.6\nfriction = 0.2\n\
+                 compliance = {{ stiffness = 1e4, force = \"{force}\", bristle = {{ stiffness = {stiffness}, damping = {damping} }} }}\n\
+                 [run]\nduration = 0.3\ngravity = [0, 0, -9.81]\ntolerance = 1e-10\n"
+            );
+            let scene = with_robots(&text).unwrap();
+            let plan = scene.plan().unwrap();
+            let sim = &plan.simulation;
+            let found = plan.sensitivity(0.3, &[]).unwrap();
+            let own = found.last_by.unwrap_or_else(|| panic!("{force} {stiffness} {damping}: {:?}", found.broken));
+            let columns = [2, 6];
+            let other = differences(sim, (&plan.q, &plan.qd), 0.3, &[], (&columns, 1e-5));
+            let apart = (own.select_columns(&columns) - &other).amax();
+            assert!(apart < 1e-4 * other.amax(), "{force} {stiffness} {damping}: {apart:e} of {:e}", other.amax());
+        }
+    }
+}
+
+/// Five bars with two freedoms, of which a coupler strikes a ceiling: where it does depends on the start, and the tangent of the loop with it.
+#[test]
+fn sensitivities_of_a_struck_five_bar_equal_differences_of_runs() {
+    let rods = [
+        Rod::new("left", "ground", 0.0, 0.4),
+        Rod { shapes: mechanisms::ball(0.9, 0.05), ..Rod::new("coupler", "left", 0.4, 0.9) },
+        Rod::new("right", "ground", 0.7, 0.4),
+        Rod::new("rod", "right", 0.4, 0.9),
+    ];
+    let loops = vec![mechanisms::closure(mechanisms::pin(), ("coupler", 0.9), (Some("rod"), 0.9))];
+    for friction in [0.0, 0.2] {
+        let ceiling = surface("ceiling", half_space([0.0, 1.1, 0.0], [0.0, -1.0, 0.0]), newton(0.6, friction));
+        let sim = Simulation { loops: loops.clone(), tolerance: 1e-10, ..among(mechanisms::chain(&rods), &[ceiling]) };
+        let (q, qd) = ([2.2, -1.337, 0.9416, 1.337], [-2.5, 0.3, 1.0, 0.2]);
+        let start = sim.run(&q, &qd, 1e-3).unwrap().summary.last;
+        let found = sim.sensitivity(&start.q, &start.qd, 0.2, &[]).unwrap();
+        let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
+        assert_eq!(kinds, ["impact"], "{:?}", found.broken);
+        let columns: Vec<usize> = (0..8).collect();
+        let own = found.last_by.unwrap_or_else(|| panic!("{:?}", found.broken));
+        let other = differences(&sim, (&start.q, &start.qd), 0.2, &[], (&columns, 1e-4));
+        let apart = (&own - &other).amax();
+        assert!(apart < 1e-7 * other.amax(), "{friction}: {apart:e} of {:e}", other.amax());
+    }
+}
+
+/// A number that is as good as zero is differentiated as zero is.
+#[test]
+fn derivatives_by_numbers_near_zero_are_those_by_zero() {
+    let by = |number: &str, key: &str| {
+        let text = format!(
+            "[robot]\nurdf = \"../robots/ball.urdf\"\nfloating = true\ntip = \"ball\"\nq = [0, 0, 0.3, 0, 0, 0, 1]\n\
+             inertia = {{ ball = [1e-4, {number}, 0, 1e-4, 0, 1e-4] }}\n\
+             [[surface]]\nshape = {{ halfspace = {{ point = [0, 0, {number}], normal = [0, 0, 1] }} }}\n\
+             [contact]\nlaw = \"newton\"\nrestitution = 0.8\n[[force]]\nlink = \"ball\"\nforce = [{number}, 0, {number}]\n\
+             [run]\nduration = 0.4\ngravity = [{number}, 0, -9.81]\ntolerance = 1e-11\n"
+        );
+        let scene = with_robots(&text).unwrap();
+        scene.plan().unwrap().sensitivity(0.4, &[scene.parameter(key).unwrap()]).unwrap().last_by.unwrap()
+    };
+    for key in [
+        "force[0].force[0]",
+        "force[0].force[2]",
+        "run.gravity[0]",
+        "surface[0].shape.halfspace.point[2]",
+        "robot.inertia.ball[1]",
+    ] {
+        let zero = by("0.0", key);
+        for number in ["1e-7", "1e-10"] {
+            let apart = (by(number, key) - &zero).amax();
+            assert!(apart < 1e-5 * zero.amax().max(1e-3), "{key} = {number}: {apart:e} of {:e}", zero.amax());
+        }
+    }
+}
+
 /// A ball that does not roll slides over the floor z = 0, and a force turns its slip by more than 90° before an event ends the leg.
 #[test]
 fn sensitivities_of_slip_that_turns_back_equal_differences_of_runs() {
@@ -229,6 +313,32 @@ fn sensitivities_of_slip_that_turns_back_equal_differences_of_runs() {
         let own = found.last_by.unwrap().select_columns(&columns);
         let other = differences(&sim, (&[0.0, 0.0, 0.1], &start), duration, &parameters, (&columns, 1e-5));
         assert!((&own - &other).amax() < 1e-6 * other.amax(), "{own} against {other}");
+    }
+}
+
+/// A ball that does not roll slides up a slope that is too steep to stick, and down again, through rest or past it at some 1e-5 m/s: its slip turns
+/// within microseconds. A belt that moves by the step of the differences moves the slip by more than it has left.
+#[test]
+fn sensitivities_of_slip_that_turns_at_once_equal_differences_of_runs() {
+    let ball = along(&[X, Y, Z], 1.0, [0.004; 3], &build::ball(0.1));
+    let floor = |chain: &Chain, speed: f64| {
+        let velocity = Profile::constant([0.0, speed, 0.0, 0.0, 0.0, 0.0]);
+        let motion = Some(SurfaceMotion::Belt(Belt { velocity, centre: Vector3::zeros() }));
+        let floor = Surface { motion, ..surface("floor", level(), newton(0.0, 0.3)) };
+        Touch::all(chain, &[floor], 0.0).unwrap().touches
+    };
+    let touches = floor(&ball, 0.0);
+    let sim =
+        Simulation { gravity: Vector3::new(-5.0, 0.0, -10.0), tolerance: 1e-10, ..Simulation::new(ball, touches) };
+    let belt = [Parameter::new("belt", 1.0, move |sim, delta| sim.touches = floor(&sim.chain, delta))];
+    for (across, events) in [(5e-4, 0), (0.0, 1)] {
+        let (q, qd) = ([0.0, 0.0, 0.1], [1.0, across, 0.0]);
+        let found = sim.sensitivity(&q, &qd, 0.2, &belt).unwrap();
+        assert!(found.last.qd[0] < 0.0 && found.events.len() == events, "{:?}", found.events);
+        let columns = [3, 4, 6];
+        let own = found.last_by.unwrap().select_columns(&columns);
+        let other = differences(&sim, (&q, &qd), 0.2, &belt, (&columns, 1e-7));
+        assert!((&own - &other).amax() < 1e-5 * other.amax(), "{own} against {other}");
     }
 }
 
@@ -453,6 +563,16 @@ fn sensitivities_by_keys_of_the_scene_equal_differences_of_runs() {
                 other.amax()
             );
         }
+    }
+    let by_speed = ("restitution = 0.35", "restitution = { table = [[0.1, 0.9], [1.1, 0.7]] }");
+    let scene = changed("planar2", &[by_speed]);
+    assert_eq!(scene.number("contact.restitution.table[1][0]").unwrap(), 1.1);
+    for (key, why) in [
+        ("contact.restitution.table[1][2]", "table[1] has 2 entries, which count from 0"),
+        ("contact.restitution.table[1][0][0]", "table[1][0] is no list: leave out [0]"),
+    ] {
+        let told = scene.number(key).unwrap_err().to_string();
+        assert!(told.ends_with(why), "{told}");
     }
     let scene = changed("planar2", &[]);
     for (key, why) in [

@@ -1,10 +1,10 @@
 //! A census of impacts at points that few joints move: doors, pendulums, arms of two joints, SCARA arms, turned at random in space.
 //! What no joint moves is refused, and every outcome satisfies the equations of an impact.
 
-use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, FramePoint};
 use carom_impact::{Coefficients, Flags, ImpactError, LAW_NAMES, law_by_name};
 use carom_sim::{ChainImpact, Impacts, JointModel, SimError};
+use carom_testing::build::{O, Part, chain};
 use nalgebra::{DVector, Vector3};
 
 type Rng = fastrand::Rng;
@@ -25,28 +25,18 @@ fn direction(rng: &mut Rng) -> Vector3<f64> {
     }
 }
 
-fn text(v: Vector3<f64>) -> String {
-    format!("{} {} {}", v.x, v.y, v.z)
-}
-
 /// A row of joints, each with its type and axis, the first turned at random in the world; the links are l0, l1, …
-fn robot(rng: &mut Rng, joints: &[(&str, Vector3<f64>)]) -> Chain {
-    let mut urdf = "<robot name='r'><link name='world'/>".to_owned();
-    for (k, (kind, axis)) in joints.iter().enumerate() {
-        let parent = k.checked_sub(1).map_or("world".into(), |p| format!("l{p}"));
+fn robot(rng: &mut Rng, joints: &[(&'static str, Vector3<f64>)]) -> Chain {
+    let part = |(k, (kind, axis)): (usize, &(&'static str, Vector3<f64>))| {
+        let parent = k.checked_sub(1).map_or("base".into(), |p| format!("l{p}"));
         // The joints of an arm are parallel to the one before, as their axes are given.
-        let turned = if k == 0 { text(vector(rng) * 3.0) } else { "0 0 0".into() };
-        let (place, com) = (text(vector(rng)), text(vector(rng) * 0.5));
+        let turned = if k == 0 { (vector(rng) * 3.0).into() } else { O };
+        let (place, com) = (vector(rng), vector(rng) * 0.5);
         let (mass, inertia) = (0.2 + rng.f64(), 0.01 + 0.1 * rng.f64());
-        urdf += &format!(
-            "<link name='l{k}'><inertial><origin xyz='{com}'/><mass value='{mass}'/><inertia ixx='{inertia}' iyy='{inertia}' \
-             izz='{inertia}' ixy='0' ixz='0' iyz='0'/></inertial></link><joint name='j{k}' type='{kind}'><origin xyz='{place}' \
-             rpy='{turned}'/><parent link='{parent}'/><child link='l{k}'/><axis xyz='{}'/><limit effort='1' velocity='1' \
-             lower='-9' upper='9'/></joint>",
-            text(*axis)
-        );
-    }
-    Chain::from_urdf_str(&(urdf + "</robot>"), &LoadOptions::default()).unwrap()
+        let part = Part::new(&format!("l{k}"), &parent, kind, (*axis).into(), place.into());
+        part.turned(turned).com(com.into()).weighing(mass, [inertia; 3])
+    };
+    chain(&joints.iter().enumerate().map(part).collect::<Vec<_>>())
 }
 
 /// A robot, a point of its last link, and whether that lies on the axis of the only joint.
@@ -241,28 +231,15 @@ fn a_lever_that_is_rounding_of_lengths_that_cancel_moves_nothing() {
     let mut rng = Rng::with_seed(8);
     for _ in 0..40 {
         let (axis, other, far) = (direction(&mut rng), direction(&mut rng), vector(&mut rng) * 1e3);
-        let link = |name: &str| {
-            format!(
-                "<link name='{name}'><inertial><origin xyz='0.1 0.2 0.3'/><mass value='1'/><inertia ixx='0.1' iyy='0.1' izz='0.1' \
-                 ixy='0' ixz='0' iyz='0'/></inertial></link>"
-            )
+        let link = |name: &str, parent: &str, axis: Vector3<f64>| {
+            Part::hinge(name, parent, axis.into()).com([0.1, 0.2, 0.3]).weighing(1.0, [0.1; 3])
         };
         // The second joint does not move its own axis; locked, it leaves the first, on whose axis the point is but for rounding.
-        let urdf = format!(
-            "<robot name='r'><link name='world'/>{}{}<joint name='a' type='continuous'><parent link='world'/><child link='one'/>\
-             <axis xyz='{}'/></joint><joint name='b' type='continuous'><origin xyz='{}'/><parent link='one'/><child link='two'/>\
-             <axis xyz='{}'/></joint></robot>",
-            link("one"),
-            link("two"),
-            text(axis),
-            text(far),
-            text(other)
-        );
-        let chain = Chain::from_urdf_str(&urdf, &LoadOptions::default()).unwrap();
+        let chain = chain(&[link("one", "base", axis), link("two", "one", other).at(far.into())]);
         let point = FramePoint::new(chain.frame("two").unwrap(), axis * 0.3 - far);
         let (q, qd) = ([2.0 * unit(&mut rng), 0.0], [1.0, 0.0]);
         let law = law_by_name::<3>("frictionless", Coefficients::default()).unwrap();
-        let strike = chain.impact(&q, &qd).at(point).normal(direction(&mut rng)).joints(JointModel::Locked(&["b"]));
+        let strike = chain.impact(&q, &qd).at(point).normal(direction(&mut rng)).joints(JointModel::Locked(&["jtwo"]));
         let refusal = strike.resolve(&*law).map(|hit| hit.impulse);
         assert!(matches!(refusal, Err(SimError::Locked { .. })), "{refusal:?}");
     }

@@ -2,7 +2,7 @@
 
 use carom_sim::{Controller, Drive, Observed, Sampling, SimError, Simulation, Statistics};
 use carom_testing::build::{O, Part, X, Y, Z, brick, chain, one_body, shape};
-use carom_testing::scenes::{G, newton, on_floor, scene, shipped};
+use carom_testing::scenes::{G, kinds, newton, on_floor, scene, shipped};
 
 const FRICTION: f64 = 0.5;
 /// Masses that the force along x, along y, and gravity move, kg.
@@ -72,7 +72,7 @@ fn slip_that_begins_under_a_turning_force_moves_as_in_closed_form() {
     for (shape, contacts) in [(r#"<sphere radius="0.1"/>"#, 1), (r#"<box size="0.3 0.2 0.2"/>"#, 4)] {
         for tolerance in [1e-6, 1e-8, 1e-10] {
             let run = foot(shape, tolerance).run(&[0.0, 0.0, 0.1], &[0.0; 3], BEGINS + span).unwrap();
-            let kinds: Vec<&str> = run.events.iter().map(|event| event.kind.name()).collect();
+            let kinds = kinds(&run);
             assert_eq!(kinds, [["sticking"].repeat(contacts), ["sliding"].repeat(contacts)].concat(), "{tolerance:e}");
             let end = &run.summary;
             let off = end.last.q.iter().zip(exact).fold(0.0_f64, |most, (q, exact)| most.max((q - exact).abs()));

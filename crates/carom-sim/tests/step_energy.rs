@@ -1,7 +1,7 @@
 //! The energy of time steps, each loss by its own formula, and what is left over as error.
 
 use carom_sim::Simulation;
-use carom_testing::build::{O, ball, brick, free, one_body, shape};
+use carom_testing::build::{O, ball, brick, free, one_body, shape, stl};
 use carom_testing::scenes::{newton, on_floor, scene};
 
 /// A body that spins freely about none of its axes, by time steps: the energy error is of second order in the step, and nothing is booked.
@@ -84,11 +84,9 @@ fn a_light_ball_under_a_heavy_one_gains_no_energy() {
 #[test]
 fn a_compliant_contact_keeps_its_force_in_time_steps() {
     let robot = |element: &str| one_body(1.5, [0.01; 3], &shape(element, O, O));
-    let triangle = |a: &str, b: &str, c: &str| {
-        format!("facet normal 0 0 1\nouter loop\nvertex {a}\nvertex {b}\nvertex {c}\nendloop\nendfacet\n")
-    };
-    let table = triangle("-1 -1 0", "1 -1 0", "1 1 0") + &triangle("-1 -1 0", "1 1 0", "-1 1 0");
-    let table = format!("solid t\n{table}endsolid t\n");
+    let corner = |x: f64, y: f64| [x, y, 0.0];
+    let [a, b, c, d] = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+    let table = stl([[a, b, c], [a, c, d]]);
     let files = [("block.urdf", &*robot(&brick([0.2; 3]))), ("ball.urdf", &*robot(&ball(0.1))), ("table.stl", &*table)];
     let text = "
         [[robot]]\nname = 'a'\nurdf = 'block.urdf'\nfloating = true\nposition = [0, 0, 0.101]\ntip = 'body'

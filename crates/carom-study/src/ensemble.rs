@@ -7,7 +7,6 @@ use crate::table::{CHUNK, Column};
 use crate::{RowFile, RowsError, Written};
 use carom_sim::{Columns, Moment, Perturbation, Plan, Sampling, Scene, Seen, SimError, StopReason, Summary};
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 use serde::Serialize;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -99,8 +98,6 @@ struct Noted {
     lost: Sample,
     /// Of the end, relative to that of run 0: displacement and velocity.
     end: Cloud,
-    /// The runs of a block that may yet be discarded.
-    pending: Vec<Run>,
 }
 
 /// The spread of the runs of an ensemble that were computed.
@@ -283,14 +280,11 @@ impl<'s> Ensemble<'s> {
         let (mut first, size) = (runs.start, GROUP * rayon::current_num_threads() as u64);
         while first < runs.end && !stop.load(Ordering::Relaxed) {
             let group = first..runs.end.min(first + size);
-            let one = |number| (!stop.load(Ordering::Relaxed)).then(|| self.run(number));
-            let done: Vec<Option<Run>> = group.clone().into_par_iter().map(one).collect();
-            // Runs after one that has not begun are left out, so that the results are the first ones without a gap.
-            done.into_iter().map_while(|run| run).for_each(|run| {
+            first = group.end;
+            for run in numbered::in_order(group, stop, |number| self.run(number)) {
                 self.note(&run);
                 each(run.row(self.columns.len()));
-            });
-            first = group.end;
+            }
         }
     }
 
@@ -459,8 +453,6 @@ fn columns(scene: &Scene, plan: &Plan, given: &Perturbation) -> Vec<Column> {
 }
 
 impl NumberedRows for Ensemble<'_> {
-    type Carry = ();
-
     fn columns(&self) -> &[Column] {
         &self.columns
     }
@@ -486,20 +478,10 @@ impl NumberedRows for Ensemble<'_> {
         CHUNK * rayon::current_num_threads()
     }
 
-    fn compute(&self, mut block: Block, (): &mut ()) {
-        let runs = (block.first..block.first + block.count as u64).into_par_iter().map(|number| {
-            let run = (!block.stop.load(Ordering::Relaxed)).then(|| self.run(number));
-            (block.progress)(1);
-            run
-        });
-        let runs: Vec<Option<Run>> = runs.collect();
-        let runs: Vec<Run> = runs.into_iter().flatten().collect();
+    fn compute(&self, mut block: Block) -> usize {
+        let runs = block.map(|number| self.run(number));
         runs.iter().enumerate().for_each(|(place, run)| block.set(place, &run.row(self.columns.len())));
-        self.seen.lock().unwrap_or_else(PoisonError::into_inner).pending = runs;
-    }
-
-    fn keep(&self) {
-        let runs = std::mem::take(&mut self.seen.lock().unwrap_or_else(PoisonError::into_inner).pending);
         runs.iter().for_each(|run| self.note(run));
+        runs.len()
     }
 }

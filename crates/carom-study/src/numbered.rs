@@ -18,7 +18,7 @@ use std::fs::File;
 use std::io::{self, Read, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// Target computing time of a block.
@@ -28,9 +28,6 @@ const MOST_CHUNKS: usize = 4;
 
 /// A table whose rows are functions of their number.
 pub(crate) trait NumberedRows: Sync {
-    /// What a block leaves for the next one, so that this need not begin anew. Rows do not depend on it.
-    type Carry: Default + Send;
-
     /// The columns.
     fn columns(&self) -> &[Column];
 
@@ -48,14 +45,11 @@ pub(crate) trait NumberedRows: Sync {
         CHUNK
     }
 
-    /// Computes the rows of a block.
-    fn compute(&self, block: Block, carry: &mut Self::Carry);
-
-    /// Is called after a block has been computed, and is not discarded.
-    fn keep(&self) {}
+    /// Computes the rows of a block, or the first of them if `stop` is set meanwhile; returns how many are computed.
+    fn compute(&self, block: Block) -> usize;
 }
 
-/// Consecutive rows to be computed. If `stop` is set meanwhile, they are discarded.
+/// Consecutive rows to be computed.
 pub(crate) struct Block<'b> {
     /// Number of the first row.
     pub first: u64,
@@ -71,8 +65,13 @@ pub(crate) struct Block<'b> {
 }
 
 impl Block<'_> {
-    /// Computes the rows one by one; `row` gets the number of a row. Each thread has an evaluator of its own.
-    pub fn each<E>(self, evaluator: impl Fn() -> E + Sync + Send, row: impl Fn(&mut E, u64, &mut [f64]) + Sync + Send) {
+    /// Computes the rows one by one; `row` gets the number of a row. Each thread has an evaluator of its own. Returns the number of rows, or 0
+    /// if `stop` is set.
+    pub fn each<E>(
+        self,
+        evaluator: impl Fn() -> E + Sync + Send,
+        row: impl Fn(&mut E, u64, &mut [f64]) + Sync + Send,
+    ) -> usize {
         let Self { first, count, chunks, width, progress, stop } = self;
         chunks.par_chunks_mut(CHUNK * width).enumerate().with_max_len(MOST_CHUNKS).for_each_init(
             || (evaluator(), vec![0.0; width]),
@@ -88,6 +87,16 @@ impl Block<'_> {
                 progress(here as u64);
             },
         );
+        if stop.load(Ordering::Relaxed) { 0 } else { count }
+    }
+
+    /// Computes something of each row [in order](in_order), and tells the progress.
+    pub fn map<R: Send>(&self, of_row: impl Fn(u64) -> R + Sync) -> Vec<R> {
+        in_order(self.first..self.first + self.count as u64, self.stop, |number| {
+            let done = of_row(number);
+            (self.progress)(1);
+            done
+        })
     }
 
     /// Sets the row `place` of the block, counted from 0.
@@ -95,6 +104,26 @@ impl Block<'_> {
         let begin = (place - place % CHUNK) * self.width + place % CHUNK;
         row.iter().enumerate().for_each(|(c, x)| self.chunks[begin + c * CHUNK] = *x);
     }
+}
+
+/// Computes something of each row in parallel, in the order of the rows; of the first ones if `stop` is set meanwhile: each thread takes the next
+/// row, so that no row is missing before one that is done.
+pub(crate) fn in_order<R: Send>(rows: Range<u64>, stop: &AtomicBool, of_row: impl Fn(u64) -> R + Sync) -> Vec<R> {
+    let next = AtomicU64::new(rows.start);
+    let work = |_: rayon::BroadcastContext<'_>| {
+        let mut own = Vec::new();
+        while !stop.load(Ordering::Relaxed) {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            if number >= rows.end {
+                break;
+            }
+            own.push((number, of_row(number)));
+        }
+        own
+    };
+    let mut done: Vec<(u64, R)> = rayon::broadcast(work).into_iter().flatten().collect();
+    done.sort_unstable_by_key(|(number, _)| *number);
+    done.into_iter().map(|(_, row)| row).collect()
 }
 
 /// Output file of a table whose rows have numbers.
@@ -246,13 +275,13 @@ impl<N: NumberedRows> Writing<'_, N> {
         let encoder = table.encoder().clone();
         let (mut filling, mut full) = (table.take_held(), encoder.rows());
         let (mut rows, mut pieces) = (0, Ok(Vec::new()));
-        let (mut length, mut carry) = (self.least(), N::Carry::default());
+        let mut length = self.least();
         loop {
             let ready = std::mem::replace(&mut pieces, Ok(Vec::new()));
             // rows last: their tasks are small and balance the load
             let ((written, encoded), ()) = rayon::join(
                 || rayon::join(|| table.append(rows, ready), || encoder.encode(&full)),
-                || self.fill(&mut filling, next, &mut length, &mut carry),
+                || self.fill(&mut filling, next, &mut length),
             );
             written?;
             if full.length() == 0 && filling.length() == 0 {
@@ -269,22 +298,30 @@ impl<N: NumberedRows> Writing<'_, N> {
         self.source.least().next_multiple_of(CHUNK)
     }
 
-    /// Computes rows from `next` on until the group is full, the last row is reached, or `stop` is set. Blocks of about
-    /// `length` rows are kept completely or discarded.
-    fn fill(&self, rows: &mut Rows, next: &mut u64, length: &mut usize, carry: &mut N::Carry) {
+    /// Computes rows from `next` on until the group is full, the last row is reached, or `stop` is set, in blocks of about `length` rows.
+    fn fill(&self, rows: &mut Rows, next: &mut u64, length: &mut usize) {
         let Self { source, file, progress, stop } = *self;
         let width = source.columns().len();
         while rows.room() > 0 && *next < file.rows.end && !stop.load(Ordering::Relaxed) {
             let room = rows.room().min(*length);
             let count = usize::try_from(file.rows.end - *next).map_or(room, |left| room.min(left));
             let begun = Instant::now();
-            let before = rows.length();
-            source.compute(Block { first: *next, count, chunks: rows.grow(count), width, progress, stop }, carry);
-            if stop.load(Ordering::Relaxed) {
-                return rows.truncate(before);
+            let (first, before) = (*next, rows.length());
+            let compute =
+                |count, chunks: &mut [f64]| source.compute(Block { first, count, chunks, width, progress, stop });
+            // A run that was interrupted has left a part of a chunk.
+            let left = before.next_multiple_of(CHUNK) - before;
+            if left > 0 {
+                let mut chunk = vec![0.0; CHUNK * width];
+                for r in 0..compute(count.min(left), &mut chunk) {
+                    let row: Vec<f64> = (0..width).map(|c| chunk[c * CHUNK + r]).collect();
+                    rows.push(&row);
+                }
+            } else {
+                let done = compute(count, rows.grow(count));
+                rows.truncate(before + done);
             }
-            source.keep();
-            *next += count as u64;
+            *next += (rows.length() - before) as u64;
             if begun.elapsed() < BLOCK_TIME {
                 *length = (2 * *length).min(1 << 20).max(self.least());
             } else if begun.elapsed() > 4 * BLOCK_TIME {

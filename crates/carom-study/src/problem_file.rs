@@ -20,9 +20,7 @@ const IDLE: [&str; 2] = ["run.sample", "run.perturb"];
 /// The scene of a problem in this folder, `with` other values at the paths of keys.
 pub(crate) fn scene(folder: &Path, scene: &Path, with: &toml::Table) -> Result<Scene, SimError> {
     let scene = Scene::from_file(folder.join(scene))?;
-    let nested =
-        |key: &str, own: &str| own.strip_prefix(&format!("{key}.")).is_some_and(|own| with[key].get(own).is_some());
-    let idle = |(key, own): &(&String, &str)| key.starts_with(*own) || nested(key, own);
+    let idle = |(key, own): &(&String, &str)| key.starts_with(*own) || is_within(with, key, own);
     if let Some((_, key)) = with.keys().flat_map(|key| IDLE.map(|own| (key, own))).find(idle) {
         let rule = format!("with: {key}: the motions of this problem have no samples and no disturbances: remove it");
         return Err(SimError::Scene { file: scene.files[0].display().to_string(), rule });
@@ -38,6 +36,24 @@ pub(crate) fn scene(folder: &Path, scene: &Path, with: &toml::Table) -> Result<S
         other => other,
     })?;
     Ok(Scene { files: scene.files, ..changed })
+}
+
+/// Whether the value of a key of `with` has an entry at a path.
+fn is_within(with: &toml::Table, key: &str, path: &str) -> bool {
+    let parts = path.strip_prefix(key).and_then(|rest| rest.strip_prefix('.'));
+    parts.is_some_and(|parts| parts.split('.').try_fold(&with[key], |value, part| value.get(part)).is_some())
+}
+
+/// The first of these paths that `with` gives, too: its value there has no effect.
+pub(crate) fn given_twice<'p>(with: &toml::Table, mut paths: impl Iterator<Item = &'p String>) -> Option<&'p String> {
+    paths.find(|path| with.keys().any(|key| key == *path || is_within(with, key, path)))
+}
+
+/// Whether a path leads to the start of a scene.
+pub(crate) fn is_of_start(path: &str) -> bool {
+    let (table, key) = path.split_once('.').unwrap_or((path, ""));
+    let key = key.split(['.', '[']).next().unwrap_or_default();
+    table.starts_with("robot") && ["q", "qd", "tip_velocity"].contains(&key)
 }
 
 /// Reads formulas of these names.

@@ -1,17 +1,18 @@
 //! Pictures and optimal rows of impact maps, compared with the rows.
 
 use base64::Engine;
-use carom_chain::Chain;
 use carom_study::map_study::{CLASSES, Study, StudyError, Values};
 use carom_study::self_motion;
+use carom_testing::files::{path, robot};
 use nalgebra::Vector3;
 
 fn study(text: &str) -> Study {
-    let folder = tempfile::tempdir().unwrap();
-    let robots = format!("{}/../../robots", env!("CARGO_MANIFEST_DIR"));
-    let path = folder.path().join("s.toml");
-    std::fs::write(&path, text.replace("ROBOTS", &robots)).unwrap();
-    Study::from_file(path).unwrap()
+    Study::from_toml(&text.replace("ROBOTS", "../robots"), path("studies")).unwrap()
+}
+
+/// The place of a column in rows.
+fn column(study: &Study, name: &str) -> usize {
+    study.columns().iter().position(|column| column.name == name).unwrap()
 }
 
 const TIPS: &str = r#"
@@ -55,7 +56,7 @@ fn pixels_of_a_heat_map_are_the_colours_of_their_rows() {
     assert_eq!(images.len(), 2);
     let mut evaluator = study.evaluator();
     let mut row = vec![0.0; study.columns().len()];
-    let column = |name: &str| study.columns().iter().position(|c| c.name == name).unwrap();
+    let column = |name: &str| column(&study, name);
     let mut colours = std::collections::BTreeMap::new();
     for index in 0..study.rows() {
         evaluator.row(index, &mut row);
@@ -134,7 +135,7 @@ fn the_first_optimum_is_the_best_row_of_the_map() {
     let wish = "[advise]\nminimise = \"impulse\"\nclass = [\"reverses\"]\nat_least = { \"tip.x\" = 0.2 }\nbest = 4\n";
     let study = study(&format!("{TIPS}{wish}"));
     let advice = study.advise().unwrap();
-    let column = |name: &str| study.columns().iter().position(|c| c.name == name).unwrap();
+    let column = |name: &str| column(&study, name);
     let mut evaluator = study.evaluator();
     let mut row = vec![0.0; study.columns().len()];
     let (mut best, mut fulfil) = (f64::INFINITY, 0);
@@ -154,6 +155,24 @@ fn the_first_optimum_is_the_best_row_of_the_map() {
         assert!(it.row[column("tip.x")] >= 0.2 && it.self_motion.is_none());
         // the configuration is that of the row
         assert_eq!(it.q, [it.row[column("q.shoulder")], it.row[column("q.elbow")]]);
+    }
+}
+
+/// The impulse is proportional to the speed: of speeds 1 to 4 the mean of the two in the middle is 2.5.
+#[test]
+fn the_median_of_an_even_number_of_rows_is_the_mean_of_the_two_in_the_middle() {
+    for (speeds, middle) in [("[0.1, 0.4, 0.3, 0.2]", 2.5), ("[0.1, 0.4, 0.2]", 2.0)] {
+        for goal in ["minimise", "maximise"] {
+            let text = format!(
+                "[robot]\nurdf = \"ROBOTS/planar2.urdf\"\n[joints]\nshoulder = 0.7\nelbow = -1.2\n[impact]\nnormal = [-1, 0, 0]\n\
+                 approach_deg = 90\nspeed = {speeds}\nlaw = \"frictionless\"\nrestitution = 0.35\n[map]\nquantities = [\"impulse\"]\n\
+                 [advise]\n{goal} = \"impulse\"\n"
+            );
+            let study = study(&text);
+            let spread = study.advise().unwrap().spread.unwrap();
+            let least = spread[0].min(spread[2]);
+            assert!((spread[1] / least - middle).abs() < 1e-12, "{goal} {speeds}: {spread:?}");
+        }
     }
 }
 
@@ -181,8 +200,8 @@ minimise = "effective_mass"
 "#;
     let study = study(text);
     let advice = study.advise().unwrap();
-    let column = |name: &str| study.columns().iter().position(|c| c.name == name).unwrap();
-    let chain = Chain::from_urdf_file(format!("{}/../../robots/planar3.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let column = |name: &str| column(&study, name);
+    let chain = robot("planar3");
     let tip = chain.frame("tip").unwrap();
     let mut workspace = chain.workspace();
     let at = |q: &[f64; 3]| -> Vec<Vector3<f64>> {

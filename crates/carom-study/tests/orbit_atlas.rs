@@ -15,8 +15,11 @@ fn of_atlas(name: &str, part: &str, by: &str) -> Problem {
 }
 
 /// Numbers and what they should be.
-fn each(what: &str, pairs: &[(f64, f64)], tolerance: f64) {
-    pairs.iter().for_each(|(found, expected)| close(what, *found, *expected, tolerance));
+#[track_caller]
+fn each(what: &str, pairs: impl IntoIterator<Item = (f64, f64)>, tolerance: f64) {
+    for (found, expected) in pairs {
+        close(what, found, expected, tolerance);
+    }
 }
 
 /// Closed form (Housner 1963): an impact of a block whose diagonal is inclined by α multiplies its rate by 1 − 3/2 sin²α, and the area
@@ -54,10 +57,9 @@ fn a_walker_with_knees_has_the_orbit_of_its_own_equations() {
         (qd[4], -0.962724768551528),
         (qd[5], 7.961_587_479_002_11),
     ];
-    each("state", &states, 2e-11);
-    for (found, expected) in orbit.multipliers.iter().zip([-0.573893931270, 0.325293476144, -0.047601723848]) {
-        close("multiplier", found.re, expected, 5e-8);
-    }
+    each("state", states, 2e-11);
+    let multipliers = [-0.573893931270, 0.325293476144, -0.047601723848];
+    each("multiplier", orbit.multipliers.iter().map(|it| it.re).zip(multipliers), 5e-8);
     assert_eq!(orbit.lasting().len(), 3);
     // One knee strikes in the step, and the other one opens at its end only.
     let times = |what: &str| -> Vec<f64> {
@@ -107,11 +109,9 @@ fn a_biped_under_feedback_has_the_orbit_of_its_own_equations() {
         (qd[3], 1.110140658185),
         (qd[4], 0.388525199103),
     ];
-    each("state", &states, 1e-10);
+    each("state", states, 1e-10);
     let multipliers = [0.586548636, -0.291287107, 0.0136190946, -0.00682347683, 2.48026e-5];
-    for (found, expected) in orbit.multipliers.iter().zip(multipliers) {
-        close("multiplier", found.re, expected, 2e-8);
-    }
+    each("multiplier", orbit.multipliers.iter().map(|it| it.re).zip(multipliers), 2e-8);
     let branch = problem.branch().unwrap();
     assert_eq!((branch.ended, branch.special.len()), ("range", 0));
     let last = &branch.points.last().unwrap().orbit;
@@ -120,9 +120,7 @@ fn a_biped_under_feedback_has_the_orbit_of_its_own_equations() {
     // A second route: steps.
     let start = carom_study::orbit::State { q: q.clone(), qd: qd.iter().map(|rate| 1.02 * rate).collect() };
     let end = problem.cycle(0.0, start).unwrap().nth(50).unwrap().unwrap();
-    for (found, expected) in end.qd.iter().zip(qd) {
-        close("rate after 50 steps", *found, *expected, 1e-9);
-    }
+    each("rate after 50 steps", end.qd.into_iter().zip(qd.iter().copied()), 1e-9);
 }
 
 /// External truth: a ball on the racket of an arm, by a program of its own, which has M and the bias of the arm by hand and Newton's law.
@@ -131,13 +129,9 @@ fn a_juggling_arm_has_the_orbit_of_its_own_equations() {
     let problem = of_atlas("juggler", "section.period", "with = { \"contact.law\" = \"newton\" }\nsection.period");
     let orbit = problem.find().unwrap();
     let states = [0.817981022427, -1.433825362047, 0.615844345480, 0.450000043672, 0.535322668671];
-    for (found, expected) in orbit.start.q.iter().zip(states) {
-        close("state", *found, expected, 1e-10);
-    }
+    each("state", orbit.start.q.iter().copied().zip(states), 1e-10);
     let rates = [1.609668544073, 0.423411696033, -2.033080457283, 0.0, 0.140833230294, -6.610750437319];
-    for (found, expected) in orbit.start.qd.iter().zip(rates) {
-        close("rate", *found, expected, 1e-9);
-    }
+    each("rate", orbit.start.qd.iter().copied().zip(rates), 1e-9);
     let pairs = [(0.738018585, 0.277579133), (-0.078852634, 0.587494110)];
     for (found, (re, im)) in orbit.multipliers.iter().step_by(2).zip(pairs) {
         close("multiplier", found.re, re, 2e-8);
@@ -196,9 +190,7 @@ fn a_damped_arm_hops_for_ever_only_under_laws_that_gain_energy() {
         // A second route: the scene itself, without Newton's method.
         let start = carom_study::orbit::State { q: vec![0.54, -0.2], qd: vec![2.2, -4.3] };
         let last = problem.cycle(0.3, start).unwrap().nth(60).unwrap().unwrap();
-        for (found, expected) in last.qd.iter().zip(&orbit.start.qd) {
-            close("rate", *found, *expected, 1e-8);
-        }
+        each("rate", last.qd.into_iter().zip(orbit.start.qd), 1e-8);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Periodic orbits: references of the literature and closed forms, and that iteration of the map agrees with Newton's method.
 
 use crate::shaken_table::shaken;
-use carom_study::orbit::{Orbit, OrbitError, Problem, Stability};
+use carom_study::orbit::{Branch, Orbit, OrbitError, Problem, Stability};
 use carom_testing::files::{Folder, path};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
@@ -10,6 +10,14 @@ use std::ops::Deref;
 #[track_caller]
 pub fn close(what: &str, found: f64, expected: f64, tolerance: f64) {
     assert!((found - expected).abs() <= tolerance, "{what}: {found} instead of {expected}");
+}
+
+/// The parameter at the only special point of this kind.
+#[track_caller]
+pub fn only(branch: &Branch, kind: &str) -> f64 {
+    let all: Vec<f64> = branch.special.iter().filter(|it| it.kind == kind).map(|it| it.parameter).collect();
+    assert_eq!(all.len(), 1, "{kind}: {:?} {}", branch.special, branch.end);
+    all[0]
 }
 
 /// A problem with the folder of its files.
@@ -148,6 +156,10 @@ fn the_compass_gait_has_the_published_cycle_and_multipliers() {
         for (one, two) in nonzero(&orbit).iter().zip(nonzero(&other)) {
             (0..2).for_each(|k| close("multiplier from another section", two[k], one[k], 1e-7));
         }
+        // Without the exchange of the legs a period has two steps: in one of them this leg stands, and the impact of the other one lifts it.
+        let stride = "section.contact = \"right_leg\"\norbit.modulo = [\"x\"]";
+        let stride = Problem::from_toml(&format!("scene = \"scene.toml\"\n{stride}"), &problem.1.0).unwrap();
+        close("stride", stride.find().unwrap().period, 2.0 * orbit.period, 1e-11);
         let found = nonzero(&orbit);
         assert_eq!(found.len(), 3, "{:?}", orbit.multipliers);
         for (found, expected) in found.iter().zip(&multipliers) {
@@ -172,9 +184,8 @@ fn the_limit_of_light_feet_is_the_simplest_walker() {
         let (stance, rate) = (-0.2346, 0.2322);
         let scene = walk(1.0, 0.0145, [stance, rate, rate * (2.0 * stance).cos()]);
         let branch = problem(&biped(1.0, mass, 1.0), &scene, &format!("{STEP}{vary}")).unwrap().branch().unwrap();
-        let flips: Vec<f64> = branch.special.iter().filter(|it| it.kind == "flip").map(|it| it.parameter).collect();
-        assert_eq!(flips.len(), 1, "{:?}", branch.special);
-        columns.push([-orbit.start.q[2], orbit.start.qd[2], orbit.period, pair[0], pair[1], flips[0]]);
+        let flip = only(&branch, "flip");
+        columns.push([-orbit.start.q[2], orbit.start.qd[2], orbit.period, pair[0], pair[1], flip]);
     }
     let limit = |k: usize| {
         let weight = |i: usize| -> f64 {
@@ -206,6 +217,102 @@ pub fn wheel(inertia: f64) -> String {
     urdf + "</robot>"
 }
 
+/// The wheel on a slope with two spokes on it, at the height cos α of its hub, with these velocities and gravity along x and z.
+pub fn rolling(alpha: f64, [vx, vz, rate]: [f64; 3], [gx, gz]: [f64; 2]) -> String {
+    format!(
+        r#"
+[robot]
+urdf = "robot.urdf"
+tip = "wheel"
+q = [0, {}, 0]
+qd = [{vx}, {vz}, {rate}]
+[[surface]]
+name = "slope"
+shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}
+[contact]
+restitution = 0
+friction = 2
+[run]
+duration = 5
+gravity = [{gx}, 0, {gz}]"#,
+        alpha.cos()
+    )
+}
+
+/// A rod of 1 kg on a hinge about y, its centre 0.3 m below.
+fn pendulum(more: &str) -> String {
+    let hinge = joint("j", "continuous", ["base", "rod"], "0 1 0").replace("</joint>", &format!("{more}</joint>"));
+    format!(
+        r#"<robot name="pendulum"><link name="base"/>{}{hinge}</robot>"#,
+        mass("rod", 1.0, 0.3, 0.02).replace("FEET", "")
+    )
+}
+
+/// 2π/M(1, cos φ₀/2) √(J/(m g l)), by the arithmetic-geometric mean M.
+fn period_of_a_pendulum(amplitude: f64) -> f64 {
+    let (mut a, mut b) = (1.0, (0.5 * amplitude).cos());
+    for _ in 0..8 {
+        (a, b) = (0.5 * (a + b), (a * b).sqrt());
+    }
+    TAU / a * ((0.02 + 0.09) / (9.81 * 0.3_f64)).sqrt()
+}
+
+/// The start of a cycle on a section through zero is that of its end up to rounding, on one side or the other.
+#[test]
+fn a_pendulum_has_the_period_of_its_amplitude_on_sections_through_zero() {
+    for amplitude in [0.8, 1.2, 0.3, -0.8] {
+        let scene = format!(
+            "[robot]\nurdf = \"robot.urdf\"\nq = [{amplitude}]\nqd = [0]\n[run]\nduration = 5\ngravity = [0, 0, -9.81]\ntolerance = 1e-11\n"
+        );
+        for section in ["rising = \"j\"", "falling = \"j\"", "rising = \"{qd j}\"", "falling = \"{qd j}\""] {
+            let orbit = problem(&pendulum(""), &scene, &format!("section.{section}")).unwrap().find().unwrap();
+            close(section, orbit.period, period_of_a_pendulum(amplitude), 1e-9);
+        }
+    }
+}
+
+/// J ẍ + d ẋ + k x = 0 keeps the share exp(−2π δ/ω) of its velocity from one passage to the next, with δ = d/2J and ω² = k/J − δ²; Newton's
+/// method finds its rest, where x is zero.
+#[test]
+fn a_damped_oscillation_loses_its_share_in_each_cycle() {
+    let (stiffness, damping, inertia) = (3.0_f64, 0.2, 0.11);
+    let urdf = pendulum("");
+    let scene = format!(
+        "[robot]\nurdf = \"robot.urdf\"\nq = [0.5]\nqd = [0]\n[run]\nduration = 5\ngravity = [0, 0, 0]\ntolerance = 1e-11\n\
+         controller = \"pd\"\nkp = {stiffness}\nkd = {damping}\ntarget = [0]\n"
+    );
+    let rate = 0.5 * damping / inertia;
+    let turn = (stiffness / inertia - rate * rate).sqrt();
+    let case = problem(&urdf, &scene, "section.rising = \"j\"").unwrap();
+    let start = carom_study::orbit::State { q: vec![0.5], qd: vec![0.0] };
+    let found: Vec<f64> = case.cycle(0.0, start).unwrap().take(5).map(|state| state.unwrap().qd[0]).collect();
+    for pair in found.windows(2) {
+        close("share", pair[1] / pair[0], (-rate * TAU / turn).exp(), 1e-8);
+    }
+    let rest = problem(&urdf, &scene, "section.period = 0.3").unwrap().find().unwrap();
+    assert_eq!(rest.stability, Stability::Stable);
+    close("rest", rest.start.q[0], 0.0, 1e-9);
+    close("multiplier", rest.multipliers[0].norm(), (-rate * 0.3).exp(), 1e-8);
+}
+
+/// A driven pendulum turns on and on: its angle must return, up to a turn, as its weight depends on it.
+#[test]
+fn a_coordinate_on_which_the_motion_depends_must_return() {
+    let urdf = pendulum(r#"<dynamics damping="0.5"/>"#);
+    let scene = "[robot]\nurdf = \"robot.urdf\"\nq = [0]\nqd = [8]\n[run]\nduration = 5\ngravity = [0, 0, -9.81]\ntolerance = 1e-10\n\
+                 controller = \"constant\"\ntorque = [4.0]\n";
+    let keys = "section.falling = \"{qd j}-8\"\norbit.modulo = [\"j\"]";
+    let case = problem(&urdf, scene, keys).unwrap();
+    let start = carom_study::orbit::State { q: vec![0.0], qd: vec![8.0] };
+    let errors = [case.find().err(), case.cycle(0.0, start).err(), case.cycles(1, 0, 5).err()];
+    for error in errors.into_iter().map(Option::unwrap) {
+        let told = "[orbit] modulo: the motion depends on j, so that it must return";
+        assert!(error.to_string().contains(told), "{error}");
+    }
+    let keys = "section.rising = \"j-6\"\norbit.relabel = { j = \"j-2*PI\" }";
+    assert_eq!(problem(&urdf, scene, keys).unwrap().find().unwrap().stability, Stability::Stable);
+}
+
 /// Closed form: with legs of length l at angles 2α on a slope γ ω² just after an impact is cos²2α · 4 (g/l) sin α sin γ/(1 − cos²2α), and
 /// the multiplier of ω is cos²2α of ω², which is that of ω, too, on the cycle. With a moment of inertia J at the hub an impact
 /// multiplies ω by (J + m l² cos 2α)/(J + m l²).
@@ -221,27 +328,8 @@ fn the_rimless_wheel_rolls_as_its_closed_form() {
         let omega = (factor * factor * gained / (1.0 - factor * factor)).sqrt();
         // At pitch 0 two spokes stand on the floor; the wheel turns about the front one.
         let guess = near * omega;
-        let (vx, vz) = (guess * alpha.cos(), guess * alpha.sin());
-        let scene = format!(
-            r#"
-[robot]
-urdf = "robot.urdf"
-tip = "wheel"
-q = [0, {}, 0]
-qd = [{vx}, {vz}, {guess}]
-[[surface]]
-name = "slope"
-shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}
-[contact]
-restitution = 0
-friction = 2
-[run]
-duration = 5
-gravity = [{}, 0, {}]"#,
-            alpha.cos(),
-            g * slope.sin(),
-            -g * slope.cos()
-        );
+        let velocities = [guess * alpha.cos(), guess * alpha.sin(), guess];
+        let scene = rolling(alpha, velocities, [g * slope.sin(), -g * slope.cos()]);
         let keys = format!(
             "section.contact = \"wheel\"\norbit.modulo = [\"x\"]\norbit.relabel = {{ pitch = \"pitch - {}\" }}",
             2.0 * alpha
@@ -352,6 +440,14 @@ fn wrong_problems_are_refused_with_key_value_and_rule() {
             "section.contact = \"left_leg\"\nvary = { parameter = \"s\", from = 0, to = 1, set = { \"contact.friction\" = \"0.3\" } }",
             "does not depend on s: give the number in with",
         ),
+        (
+            "section.contact = \"left_leg\"\nwith = { contact = { friction = 0.5, restitution = 0 } }\nvary = { parameter = \"contact.friction\", from = 0.5, to = 1 }",
+            "with: contact.friction: [vary] or [basin] replaces this number at each value",
+        ),
+        (
+            "section.contact = \"left_leg\"\nwith = { \"run.duration\" = 9 }\nvary = { parameter = \"s\", from = 1, to = 2, set = { \"run.duration\" = \"4 * s\" } }",
+            "with: run.duration: [vary] or [basin] replaces this number at each value",
+        ),
         ("section.contact = \"left_leg\"\norbit.cycle = 3", "unknown field `cycle`"),
         ("section.contact = \"left_leg\"\nvary = { parameter = \"run.speed\", from = 0, to = 1 }", "run.speed"),
     ];
@@ -380,6 +476,27 @@ fn wrong_problems_are_refused_with_key_value_and_rule() {
         let error = problem(&biped(10.0, 5.0, 0.5), &scene, &basin(x)).err().map(|e| e.to_string()).unwrap_or_default();
         assert!(error.contains(told), "{x}: {error}");
     }
+    let start = problem(
+        &biped(10.0, 5.0, 0.5),
+        &scene,
+        "section.contact = \"left_leg\"\nvary = { parameter = \"robot.qd[0]\", from = 0.5, to = 1 }",
+    );
+    let start = start.err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(start.contains("robot.qd[0]: the start and the duration are no part of an orbit"), "{start}");
+    // Each period begins anew: what is elsewhere after it, or was changed in it, makes no orbit.
+    let ball = |keys: &str| {
+        let text = format!("scene = \"ball_scene.toml\"\nsection.period = 0.1\n{keys}");
+        Problem::from_toml(&text, path("studies/atlas"))
+            .and_then(|it| it.find())
+            .err()
+            .map(|e| e.to_string())
+            .unwrap_or_default()
+    };
+    let away = ball("with = { \"surface[0].motion\" = { velocity = [0, 0, 0.01] } }");
+    assert!(away.contains("surface table is 1.000e-3 m away after it"), "{away}");
+    let after =
+        ball("with = { \"run.after_impact\" = \"pd\", \"run.kp\" = 10, \"run.kd\" = 1, \"run.target\" = [0.05] }");
+    assert!(after.contains("after_impact is for the first impact of a motion"), "{after}");
     // A section that is never reached names itself and what was seen.
     let error = problem(&biped(10.0, 5.0, 0.5), &scene, "section.rising = \"z - 5\"").unwrap().find().unwrap_err();
     let mut told = String::new();
@@ -387,12 +504,37 @@ fn wrong_problems_are_refused_with_key_value_and_rule() {
     assert!(told.contains("rising z - 5") && told.contains("within 8 s"), "{told}");
 }
 
+/// The error of a state that the search tries says so: the start of the scene is 2 rad inside the limits.
+#[test]
+fn a_search_that_leads_beyond_a_limit_does_not_blame_the_start() {
+    let robot = carom_testing::files::text("robots/planar2.urdf");
+    let scene = "[robot]\nurdf = \"robot.urdf\"\nq = [0.3, -1.0]\n[run]\nduration = 1\ngravity = [0, -9.81, 0]\n";
+    let error = problem(&robot, scene, "section.period = 0.5").unwrap().find().unwrap_err();
+    let told = error.to_string();
+    assert!(
+        told.contains("of Newton's method P(x) − x is") && told.contains("lower limit of elbow overlaps"),
+        "{told}"
+    );
+    assert_eq!(error.name(), "not-converged");
+}
+
+/// A four-bar linkage without forces turns on, and no speed but zero returns in half a second: P(x) − x falls as a share of growing velocities, and the
+/// search must not follow.
+#[test]
+fn a_search_does_not_run_away_to_high_speeds() {
+    let robot = carom_testing::files::text("robots/four_bar.urdf");
+    let scene = carom_testing::files::text("scenes/four_bar.toml").replace("../robots/four_bar.urdf", "robot.urdf");
+    let scene = scene.replace("gravity = [0, 0, -9.81]", "gravity = [0, 0, 0]");
+    let surface = scene.find("[[surface]]").unwrap()..scene.find("[contact]").unwrap();
+    let scene = scene.replace(&scene[surface], "");
+    let orbit = problem(&robot, &scene, "section.period = 0.5\norbit.tolerance = 1e-6").unwrap().find().unwrap();
+    assert!(orbit.start.qd.iter().all(|v| v.abs() < 1e-6), "{:?}", orbit.start.qd);
+}
+
 /// The study of the book.
 #[test]
 fn the_compass_study_finds_its_flip() {
     let branch = Problem::from_file(path("studies/compass.toml")).unwrap().branch().unwrap();
-    let flips: Vec<f64> = branch.special.iter().filter(|it| it.kind == "flip").map(|it| it.parameter).collect();
-    assert_eq!(flips.len(), 1, "{:?}", branch.special);
-    close("flip", flips[0], 4.3908982, 1e-6);
+    close("flip", only(&branch, "flip"), 4.3908982, 1e-6);
     assert!(branch.end.contains("the end of the range"), "{}", branch.end);
 }

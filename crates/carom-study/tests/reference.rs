@@ -2,11 +2,8 @@
 #![cfg(unix)]
 
 use carom_study::map_study::{CLASSES, Study};
-use carom_testing::files;
+use carom_testing::files::{self, Folder};
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
-
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 fn named(page: &str, heading: &str) -> BTreeSet<String> {
     files::named(page, heading).into_iter().collect()
@@ -17,17 +14,14 @@ fn page() -> String {
 }
 
 /// A folder beside a link to the presets, in which studies can be written as in `studies/`.
-fn folder() -> tempfile::TempDir {
-    let desk = tempfile::tempdir().unwrap();
-    std::fs::create_dir(desk.path().join("studies")).unwrap();
-    std::os::unix::fs::symlink(Path::new(ROOT).join("robots"), desk.path().join("robots")).unwrap();
+fn folder() -> Folder {
+    let desk = Folder::new();
+    desk.link(&["robots"]);
     desk
 }
 
-fn read(folder: &Path, text: &str) -> Result<Study, String> {
-    let file: PathBuf = folder.join("studies/probe.toml");
-    std::fs::write(&file, text).unwrap();
-    Study::from_file(&file).map_err(|e| e.to_string())
+fn read(folder: &Folder, text: &str) -> Result<Study, String> {
+    Study::from_file(folder.write("studies/probe.toml", text)).map_err(|e| e.to_string())
 }
 
 #[test]
@@ -43,7 +37,7 @@ fn page_names_the_keys_that_the_parser_accepts() {
         ("## `[map]`", "[map]\nzzz = 1"),
         ("## `[advise]`", "[advise]\nzzz = 1"),
     ] {
-        let message = read(desk.path(), text).err().unwrap();
+        let message = read(&desk, text).err().unwrap();
         let (_, names) = message.split_once("expected").unwrap_or_else(|| panic!("{text}\n{message}"));
         let known: BTreeSet<String> = names.split('`').skip(1).step_by(2).map(str::to_owned).collect();
         assert!(!known.is_empty(), "{heading}: {message}");
@@ -61,14 +55,14 @@ fn page_names_the_quantities_and_classes() {
              approach_deg = 45\nspeed = 0.2\nlaw = \"energetic\"\nrestitution = 0.3\n[map]\nquantities = [\"{name}\"]\n"
         )
     };
-    let message = read(desk.path(), &study("zzz")).err().unwrap();
+    let message = read(&desk, &study("zzz")).err().unwrap();
     let known: BTreeSet<String> =
         message.split(", ").filter_map(|part| part.split_whitespace().last()).map(str::to_owned).collect();
     let quantities = named(&page, "### `quantities`");
     assert!(quantities.len() > 20);
     assert_eq!(quantities, known, "the page on the left, the parser's message on the right: {message}");
     for quantity in &quantities {
-        read(desk.path(), &study(quantity)).unwrap();
+        read(&desk, &study(quantity)).unwrap();
     }
     assert_eq!(named(&page, "### `class`"), CLASSES.map(str::to_owned).into_iter().collect());
 }
@@ -79,7 +73,7 @@ fn examples_of_the_page_are_studies() {
     let mut parsed = 0;
     for block in page.split("```toml\n").skip(1) {
         let text = block.split("```").next().unwrap();
-        let study = read(desk.path(), text).unwrap_or_else(|e| panic!("{text}\n{e}"));
+        let study = read(&desk, text).unwrap_or_else(|e| panic!("{text}\n{e}"));
         assert!(study.rows() > 1);
         parsed += 1;
     }

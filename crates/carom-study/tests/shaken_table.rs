@@ -1,7 +1,7 @@
 //! Periodic orbits of a ball on a shaken table: closed forms of fold and flip, sections by a period, orbits of twice the period, and iteration
 //! as a second route.
 
-use crate::orbits::{Case, close, foot, joint, mass, problem};
+use crate::orbits::{Case, close, foot, joint, mass, only, problem};
 use carom_study::orbit::{OrbitError, Stability};
 use std::f64::consts::{PI, TAU};
 
@@ -53,25 +53,25 @@ gravity = [0, 0, -{g}]"#
     problem(&urdf, &scene, keys)
 }
 
+/// Γ at which the orbit begins in a fold, and at which its period doubles.
+pub fn fold_and_flip(e: f64) -> [f64; 2] {
+    let fold = PI * (1.0 - e) / (1.0 + e);
+    [fold, (2.0 * (1.0 + e * e) / (1.0 + e).powi(2)).hypot(fold)]
+}
+
 /// Closed forms: the period doubles at Γ² = (2(1+e²)/(1+e)²)² + (π(1−e)/(1+e))², the orbit begins in a fold at Γ = π(1−e)/(1+e), and its
 /// multipliers have the product e².
 #[test]
 fn a_ball_on_a_shaken_table_has_the_closed_form_fold_and_flip() {
     for e in [0.5_f64, 0.8] {
-        let fold = PI * (1.0 - e) / (1.0 + e);
-        let flip = (2.0 * (1.0 + e * e) / (1.0 + e).powi(2)).hypot(fold);
+        let [fold, flip] = fold_and_flip(e);
         let start = 0.6 * fold + 0.4 * flip;
         let up = shaken(e, start, 1.05 * flip, 1).unwrap().branch().unwrap();
         let product: f64 = up.points[0].orbit.multipliers.iter().map(|x| x.norm()).product();
         close("product", product, e * e, 1e-9);
-        let found = |branch: &carom_study::orbit::Branch, kind: &str| {
-            let all: Vec<f64> = branch.special.iter().filter(|it| it.kind == kind).map(|it| it.parameter).collect();
-            assert_eq!(all.len(), 1, "{kind}: {:?} {}", branch.special, branch.end);
-            all[0]
-        };
-        close("flip", found(&up, "flip"), flip, 1e-8);
+        close("flip", only(&up, "flip"), flip, 1e-8);
         let down = shaken(e, start, 0.5 * fold, 1).unwrap().branch().unwrap();
-        close("fold", found(&down, "fold"), fold, 1e-8);
+        close("fold", only(&down, "fold"), fold, 1e-8);
     }
 }
 
@@ -79,7 +79,7 @@ fn a_ball_on_a_shaken_table_has_the_closed_form_fold_and_flip() {
 #[test]
 fn the_period_of_a_section_follows_the_frequency_of_a_table() {
     let (e, gamma) = (0.5_f64, 1.3);
-    let flip = (2.0 * (1.0 + e * e) / (1.0 + e).powi(2)).hypot(PI * (1.0 - e) / (1.0 + e));
+    let [_, flip] = fold_and_flip(e);
     let keys = |set: &str| {
         let set = format!("set = {{ \"surface[0].motion.frequency\" = \"f\", \"section.period\" = \"{set}\" }}");
         format!("section.period = 0.1\nvary = {{ parameter = \"f\", from = 10, to = 11, {set} }}")
@@ -146,8 +146,7 @@ fn a_moved_section_follows_the_frequency() {
     assert_eq!(branch.ended, "range", "{}", branch.end);
     let [moved, flip] = branch.special.as_slice() else { panic!("{:?}", branch.special) };
     assert_eq!((moved.kind, flip.kind), ("section", "flip"));
-    let exact = (2.0 * (1.0 + e * e) / (1.0 + e).powi(2)).hypot(PI * (1.0 - e) / (1.0 + e));
-    close("Γ of the flip", 1.1 * (flip.parameter / 10.0).powi(2), exact, 1e-8);
+    close("Γ of the flip", 1.1 * (flip.parameter / 10.0).powi(2), fold_and_flip(e)[1], 1e-8);
     for point in &branch.points[moved.after..] {
         close("phase of the section", (point.orbit.start_time * point.parameter).fract(), 0.5, 1e-6);
         assert!(point.orbit.iterations <= 4, "{} at {}", point.orbit.iterations, point.parameter);
@@ -162,8 +161,8 @@ fn a_moved_section_follows_the_frequency() {
 /// A second route: iteration of the map converges to the orbit where it is stable, and leaves it where it is not.
 #[test]
 fn iteration_converges_to_stable_orbits_and_leaves_unstable_ones() {
-    let (e, fold) = (0.5_f64, PI / 3.0);
-    let flip = (2.0 * (1.0 + e * e) / (1.0 + e).powi(2)).hypot(fold);
+    let e = 0.5;
+    let [_, flip] = fold_and_flip(e);
     for (gamma, stability) in [(0.9 * flip, Stability::Stable), (1.02 * flip, Stability::Unstable)] {
         let problem = shaken(e, gamma, 2.0 * gamma, 1).unwrap();
         let orbit = problem.find().unwrap();
@@ -198,8 +197,8 @@ fn iteration_converges_to_stable_orbits_and_leaves_unstable_ones() {
 /// e⁴. A second route: cycles beside the doubled orbit converge to it where it is stable, and the two states are its two passages.
 #[test]
 fn at_a_flip_a_branch_of_twice_the_period_begins_to_which_cycles_converge() {
-    let (e, fold) = (0.5_f64, PI / 3.0);
-    let flip = (2.0 * (1.0 + e * e) / (1.0 + e).powi(2)).hypot(fold);
+    let e = 0.5_f64;
+    let [_, flip] = fold_and_flip(e);
     let to = 1.04 * flip;
     let problem = shaken(e, 0.95 * flip, to, 1).unwrap();
     let branch = problem.branch().unwrap();

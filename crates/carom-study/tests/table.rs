@@ -229,23 +229,3 @@ fn parquet_tables_tell_version_units_and_where_they_come_from() {
     ];
     assert_eq!(told, expected);
 }
-
-/// A table that ends early is a table of the rows so far, under a name of its own.
-#[test]
-fn an_unfinished_table_can_be_kept_under_another_name() {
-    for name in ["x.csv", "x.parquet"] {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join(name);
-        let mut table = Table::create(&path, &names(&["time", "height"])).unwrap();
-        for row in 0..100_000 {
-            table.row(&[number(row, 0), number(row, 1)]).unwrap();
-        }
-        let (partial, rows) = table.finish_partial().unwrap();
-        assert_eq!((partial.file_name().unwrap(), rows), (name.replace("x.", "x.partial.").as_ref(), 100_000));
-        assert_eq!(files(folder.path()), 1);
-        let other = tempfile::tempdir().unwrap();
-        let whole = other.path().join(name);
-        write(&whole, &names(&["time", "height"]), 100_000);
-        assert!(std::fs::read(&partial).unwrap() == std::fs::read(&whole).unwrap(), "{name}");
-    }
-}

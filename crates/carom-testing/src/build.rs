@@ -44,6 +44,15 @@ pub fn capsule(radius: f64, length: f64) -> String {
     format!(r#"<capsule radius="{radius:?}" length="{length:?}"/>"#)
 }
 
+/// The text of an STL file, by the corners of each triangle.
+pub fn stl(triangles: impl IntoIterator<Item = [[f64; 3]; 3]>) -> String {
+    let corner = |corner: [f64; 3]| format!("vertex {}\n", xml(&corner));
+    let facet = |corners: [[f64; 3]; 3]| {
+        format!("facet normal 0 0 0\nouter loop\n{}endloop\nendfacet\n", corners.map(corner).concat())
+    };
+    format!("solid s\n{}endsolid s\n", triangles.into_iter().map(facet).collect::<String>())
+}
+
 /// The principal moments of a uniform box about its centre, kg m².
 pub fn box_inertia(mass: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
     [(y, z), (x, z), (x, y)].map(|(a, b)| mass * (a * a + b * b) / 12.0)
@@ -241,4 +250,26 @@ pub fn along(axes: &[[f64; 3]], mass: f64, inertia: [f64; 3], element: &str) -> 
 /// A ball of 2 kg and 0.1 m on a vertical slider.
 pub fn falling_ball() -> Chain {
     along(&[Z], 2.0, [0.008; 3], &ball(0.1))
+}
+
+/// Two arms of two links on one base; the right one has a ball at its end.
+pub fn two_arms() -> String {
+    let link = |name: &str, parent: &str, x: f64| {
+        let part = Part::hinge(name, parent, Z).at([x, 0.0, 0.0]).com([0.15, 0.0, 0.0]);
+        part.weighing(1.0, [0.001, 0.01, 0.01])
+    };
+    let tip = shape(&ball(0.02), [0.3, 0.0, 0.0], O);
+    urdf(&[
+        link("left1", "base", -1.0),
+        link("left2", "left1", 0.3),
+        link("right1", "base", 0.2),
+        link("right2", "right1", 0.3).with(tip),
+    ])
+}
+
+/// An arm whose hand is a box.
+pub fn arm_with_hand() -> String {
+    let arm = Part::hinge("arm", "base", Z).com([0.3, 0.0, 0.0]).weighing(2.0, [0.01, 0.1, 0.1]);
+    let hand = Part::hinge("hand", "arm", Z).at([0.6, 0.0, 0.0]).com([0.1, 0.0, 0.0]).weighing(1.0, [0.01, 0.02, 0.02]);
+    urdf(&[arm, hand.with(shape(&brick([0.2, 0.1, 0.06]), [0.1, 0.0, 0.0], O))])
 }

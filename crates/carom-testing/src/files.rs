@@ -74,6 +74,20 @@ impl Folder {
         path
     }
 
+    /// The text of a file in the folder.
+    #[track_caller]
+    pub fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.0.join(name)).unwrap_or_else(|why| panic!("{name}: {why}"))
+    }
+
+    /// Names of the files in a folder of the folder, in order; none if there is no such folder.
+    pub fn files(&self, folder: &str) -> Vec<String> {
+        let Ok(entries) = std::fs::read_dir(self.0.join(folder)) else { return Vec::new() };
+        let mut names: Vec<String> = entries.map(|it| it.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
     /// Copies a file of the repository into the folder, under its own name.
     #[track_caller]
     pub fn copy(&self, of: &str) -> PathBuf {

@@ -1,11 +1,12 @@
 //! Surfaces, laws and simulations.
 
+use crate::build::{Part, Z, brick, chain};
 use crate::files::{Folder, path, text};
 use carom_chain::Chain;
 use carom_contact::Obstacle;
 use carom_impact::{Coefficients, Newton};
 use carom_sim::{ContactLaw, ContactRule, Scene, SimError, Simulation, Surface, Touch, Trajectory};
-use nalgebra::Vector3;
+use nalgebra::{Matrix2, Vector2, Vector3};
 
 /// Gravity, m/s².
 pub const G: f64 = 9.81;
@@ -71,6 +72,23 @@ pub fn among_planes(chain: Chain, planes: &[[Vector3<f64>; 2]], contact: &Contac
 #[track_caller]
 pub fn on_floor(chain: Chain, contact: ContactRule) -> Simulation {
     among(chain, &[floor(contact)])
+}
+
+/// A box of 2 kg and 0.2 m on a vertical guide: all its corners strike the floor at the same time.
+#[track_caller]
+pub fn guided_box(contact: ContactRule) -> Simulation {
+    on_floor(chain(&[Part::slider("box", "base", Z).weighing(2.0, [1.0; 3]).shaped(&brick([0.2; 3]))]), contact)
+}
+
+/// A start of the paper's arm, `planar2`: q, and the q̇ with which its tip moves along +x and −y, at 45° towards a wall.
+#[track_caller]
+pub fn towards_wall(arm: &Chain, speed: f64) -> ([f64; 2], [f64; 2]) {
+    let q = [45_f64.to_radians(), -90_f64.to_radians()];
+    let mut workspace = arm.workspace();
+    let tip = arm.point(arm.frame("tip").unwrap(), Vector3::zeros());
+    let j = workspace.update(arm, &q).unwrap().point_jacobian(tip);
+    let u = Vector2::new(speed, -speed) * 0.5_f64.sqrt();
+    (q, Matrix2::from_fn(|a, b| j[(a, b)]).lu().solve(&u).unwrap().into())
 }
 
 /// The names of the events of a run.

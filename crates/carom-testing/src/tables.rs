@@ -1,4 +1,4 @@
-//! Tables of cases as text.
+//! Tables of cases, and numbers, as text.
 
 /// The cases of a table: an input on a line, and below it, further to the right, what is expected, a line each. Blank lines, and lines that begin
 /// with `//`, do not count; `\n`, `\t` and `\\` are what they are in Rust, `""` is the empty text. The texts live as long as the program.
@@ -28,4 +28,10 @@ pub fn cases(table: &str) -> Vec<(&'static str, &'static str)> {
         _ => panic!("{input}: one line is expected, not {expected:?}"),
     };
     blocks(table).into_iter().map(one).collect()
+}
+
+/// The numbers of a line, with spaces between them.
+#[track_caller]
+pub fn numbers(line: &str) -> Vec<f64> {
+    line.split_whitespace().map(|number| number.parse().unwrap_or_else(|why| panic!("{number}: {why}"))).collect()
 }

@@ -32,7 +32,7 @@ pub use {
     symmetric::Symmetric3,
 };
 
-use nalgebra::{RealField, SimdComplexField, SimdRealField};
+use nalgebra::{RealField, SimdComplexField, SimdRealField, Vector2, Vector3};
 use num_traits::Zero;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
@@ -58,21 +58,10 @@ pub trait Linear<T>:
     + 'static
 {
 }
-impl<T, V> Linear<T> for V where
-    V: Copy
-        + Debug
-        + PartialEq
-        + Send
-        + Sync
-        + Zero
-        + Sub<Output = V>
-        + Neg<Output = V>
-        + Mul<T, Output = V>
-        + AddAssign
-        + SubAssign
-        + 'static
-{
-}
+impl<T: Real> Linear<T> for T {}
+impl<T: Real> Linear<T> for Vector2<T> {}
+impl<T: Real> Linear<T> for Vector3<T> {}
+impl<T: Real> Linear<T> for Symmetric3<T> {}
 
 mod sealed {
     pub trait Sealed {}
@@ -228,8 +217,6 @@ pub trait Articulated<A: Algebra>: Copy + Debug + Send + Sync + AddAssign + 'sta
     fn from_rigid(inertia: &Inertia<A>) -> Self;
     /// Iᴬ s
     fn along(&self, s: Axis<A>) -> Force<A>;
-    /// Iᴬ a
-    fn apply(&self, a: Motion<A>) -> Force<A>;
     /// Iᴬ − U Uᵀ / D, given 1/D
     fn without(&self, u: Force<A>, inverse_d: A::Scalar) -> Self;
     /// The same inertia about the point at −r.

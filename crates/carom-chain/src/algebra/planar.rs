@@ -1,6 +1,6 @@
 //! The algebra of the plane, SE(2): angular quantities are one number, vectors two.
 
-use super::{Articulated, Axis, Force, Geometry, Inertia, Motion, Real, sealed::Sealed};
+use super::{Articulated, Axis, Force, Geometry, Inertia, Real, sealed::Sealed};
 use nalgebra::{Matrix2, RealField, Vector2, convert, convert_unchecked};
 use std::marker::PhantomData;
 use std::ops::AddAssign;
@@ -246,14 +246,6 @@ impl<T: Real> Articulated<Planar<T>> for PlanarArticulated<T> {
         match s {
             Axis::Turn(z) => Force { moment: self.rotational * z, force: self.coupling * z },
             Axis::Slide(z) => Force { moment: Planar::dot(self.coupling, z), force: self.linear * z },
-        }
-    }
-
-    #[inline(always)]
-    fn apply(&self, a: Motion<Planar<T>>) -> Force<Planar<T>> {
-        Force {
-            moment: self.rotational * a.angular + Planar::dot(self.coupling, a.linear),
-            force: self.coupling * a.angular + self.linear * a.linear,
         }
     }
 

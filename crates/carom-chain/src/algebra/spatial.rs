@@ -2,8 +2,8 @@
 
 use super::planar::cast;
 use super::symmetric::Symmetric3;
-use super::{Articulated, Axis, Force, Geometry, Inertia, Motion, Real, sealed::Sealed};
-use nalgebra::{Matrix3, RealField, Vector3};
+use super::{Articulated, Axis, Force, Geometry, Inertia, Pose, Real, sealed::Sealed};
+use nalgebra::{Isometry3, Matrix3, RealField, Vector3};
 use std::marker::PhantomData;
 use std::ops::AddAssign;
 
@@ -25,6 +25,12 @@ pub enum SpatialJoint {
 }
 
 impl<T: Real> Sealed for Spatial<T> {}
+
+impl From<Isometry3<f64>> for Pose<Spatial<f64>> {
+    fn from(isometry: Isometry3<f64>) -> Self {
+        Self { rotation: isometry.rotation.to_rotation_matrix().into_inner(), translation: isometry.translation.vector }
+    }
+}
 
 #[inline(always)]
 fn column<T: Real>(m: &Matrix3<T>, j: usize) -> Vector3<T> {
@@ -369,14 +375,6 @@ impl<T: Real> Articulated<Spatial<T>> for SpatialArticulated<T> {
         match s {
             Axis::Turn(z) => Force { moment: self.rotational * z, force: apply_transposed(&self.coupling, z) },
             Axis::Slide(z) => Force { moment: apply(&self.coupling, z), force: self.linear * z },
-        }
-    }
-
-    #[inline(always)]
-    fn apply(&self, a: Motion<Spatial<T>>) -> Force<Spatial<T>> {
-        Force {
-            moment: Spatial::plus(self.rotational * a.angular, apply(&self.coupling, a.linear)),
-            force: Spatial::plus(apply_transposed(&self.coupling, a.angular), self.linear * a.linear),
         }
     }
 

@@ -64,19 +64,8 @@ pub(super) fn joints(
     let mimics = mimics(source, urdf, kinds, warnings)?;
     for (j, (joint, node)) in urdf.joints.iter().zip(source.joints()).enumerate() {
         let (kind, (parent, child)) = (kinds[j], tree.ends[j]);
-        let mut checked = Joint {
-            name: joint.name.clone(),
-            kind,
-            parent,
-            child,
-            origin: pose(&joint.origin),
-            axis: Vector3::x_axis(),
-            limits: Limits::default(),
-            damping: 0.0,
-            friction: 0.0,
-            rotor_inertia: 0.0,
-            mimic: mimics[j],
-        };
+        let mut checked =
+            Joint { origin: pose(&joint.origin), mimic: mimics[j], ..Joint::new(&joint.name, kind, parent, child) };
         if matches!(kind, JointType::Fixed | JointType::Floating) {
             for tag in ["axis", "limit", "dynamics"] {
                 if let Some(element) = own_children(node, tag).next() {

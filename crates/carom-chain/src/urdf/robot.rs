@@ -114,6 +114,14 @@ pub struct Link {
     pub visuals: Vec<Visual>,
 }
 
+impl Link {
+    /// A link without mass and shapes.
+    #[doc(hidden)]
+    pub fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), inertial: None, collisions: Vec::new(), visuals: Vec::new() }
+    }
+}
+
 /// An `<inertial>`, expressed in link axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inertial {
@@ -151,6 +159,26 @@ pub struct Joint {
     pub rotor_inertia: f64,
     /// The joint that this one mimics. Chains of mimic joints are resolved: that joint does not mimic another.
     pub mimic: Option<Mimic>,
+}
+
+impl Joint {
+    /// A joint in the frame of its parent link, with URDF's axis x, without limits and resistance.
+    #[doc(hidden)]
+    pub fn new(name: impl Into<String>, kind: JointType, parent: usize, child: usize) -> Self {
+        Self {
+            name: name.into(),
+            kind,
+            parent,
+            child,
+            origin: Isometry3::identity(),
+            axis: Vector3::x_axis(),
+            limits: Limits::default(),
+            damping: 0.0,
+            friction: 0.0,
+            rotor_inertia: 0.0,
+            mimic: None,
+        }
+    }
 }
 
 /// URDF joint types.

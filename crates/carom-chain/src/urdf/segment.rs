@@ -13,7 +13,7 @@
 //! Structures 14 (1981) 443. A cantilever under a force at its end deflects by F L³/(3 E I) · (1 − 1/(4 n²)).
 
 use super::names::suggestion;
-use super::robot::{Inertial, Joint, JointType, Limits, Link, Robot};
+use super::robot::{Inertial, Joint, JointType, Link, Robot};
 use crate::error::ChainError;
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 
@@ -67,9 +67,8 @@ impl Robot {
         let mut robot = self.clone();
         let whole = &self.links[at];
         let inertials = line.inertials(whole.inertial).map_err(refuse)?;
-        let bare = |name: String| Link { name, inertial: None, collisions: Vec::new(), visuals: Vec::new() };
 
-        robot.links[at] = Link { inertial: Some(inertials[0]), ..bare(link.into()) };
+        robot.links[at] = Link { inertial: Some(inertials[0]), ..Link::new(link) };
         // index of the link of each segment, and its origin in the link's frame
         let (mut segments, mut bends) = (vec![(at, Vector3::zeros())], Vec::new());
         for (k, inertial) in (1..).zip(&inertials[1..]) {
@@ -79,20 +78,16 @@ impl Robot {
             for (j, (letter, (axis, stiffness))) in letters.iter().zip(&beam.stiffness).enumerate() {
                 let last = j + 1 == letters.len();
                 let (child, joint) = (robot.links.len(), format!("{link}_bend{k}{letter}"));
-                robot.links.push(bare(if last { format!("{link}_part{}", k + 1) } else { format!("{link}_hinge{k}") }));
+                robot.links.push(Link::new(if last {
+                    format!("{link}_part{}", k + 1)
+                } else {
+                    format!("{link}_hinge{k}")
+                }));
                 bends.push(Bend { joint: joint.clone(), stiffness: stiffness * line.bends as f64 / line.length });
                 robot.joints.push(Joint {
-                    name: joint,
-                    kind: JointType::Continuous,
-                    parent,
-                    child,
                     origin: shifted(hinge - from),
                     axis: Unit::new_normalize(*axis),
-                    limits: Limits::default(),
-                    damping: 0.0,
-                    friction: 0.0,
-                    rotor_inertia: 0.0,
-                    mimic: None,
+                    ..Joint::new(joint, JointType::Continuous, parent, child)
                 });
                 (parent, from) = (child, hinge);
             }

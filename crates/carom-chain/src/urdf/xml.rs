@@ -197,7 +197,11 @@ fn numbers_problem(text: &str, range: &Range, limit: bool) -> Option<String> {
             ));
         };
         if number.is_nan() || number.abs() > LARGEST {
-            let hint = if limit { "; for no limit, omit the attribute" } else { "" };
+            let hint = if limit {
+                "; for no limit, omit the attribute (lower and upper together: one alone has the other at 0)"
+            } else {
+                ""
+            };
             return Some(format!("is wrong: '{word}' is not a finite number up to {LARGEST:e}{hint}"));
         }
         let broken = match range {

@@ -62,7 +62,7 @@ pub fn robot(joints: usize, zoo: Zoo, rng: &mut fastrand::Rng) -> Robot {
         poses: vec![],
         report: Default::default(),
     };
-    robot.links.push(Link { name: "link0".into(), inertial: Some(inertial(rng)), collisions: vec![], visuals: vec![] });
+    robot.links.push(Link { inertial: Some(inertial(rng)), ..Link::new("link0") });
     for k in 0..joints {
         let parent = if rng.f64() < 0.7 { k } else { rng.usize(0..=k) };
         let plane = zoo == Zoo::Plane;
@@ -86,29 +86,16 @@ pub fn robot(joints: usize, zoo: Zoo, rng: &mut fastrand::Rng) -> Robot {
             (0..k).filter(|&j| one_dof(&robot.joints[j]) && robot.joints[j].mimic.is_none()).collect();
         let may_follow = zoo != Zoo::Uncoupled && !leaders.is_empty() && kind != JointType::Fixed && rng.f64() < 0.2;
         let mut joint = Joint {
-            name: format!("joint{}", k + 1),
-            kind,
-            parent,
-            child: k + 1,
             origin: Isometry3::from_parts(Translation3::from(vector(rng) * 0.5), turn),
             axis: Unit::new_normalize(axis),
-            limits: Default::default(),
-            damping: 0.0,
-            friction: 0.0,
-            rotor_inertia: 0.0,
-            mimic: None,
+            ..Joint::new(format!("joint{}", k + 1), kind, parent, k + 1)
         };
         if may_follow && one_dof(&joint) {
             let joint_index = leaders[rng.usize(0..leaders.len())];
             joint.mimic = Some(Mimic { joint: joint_index, multiplier: 0.5 + unit(rng), offset: unit(rng) });
         }
         robot.joints.push(joint);
-        robot.links.push(Link {
-            name: format!("link{}", k + 1),
-            inertial: Some(inertial(rng)),
-            collisions: vec![],
-            visuals: vec![],
-        });
+        robot.links.push(Link { inertial: Some(inertial(rng)), ..Link::new(format!("link{}", k + 1)) });
     }
     robot
 }

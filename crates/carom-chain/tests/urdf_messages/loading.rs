@@ -5,17 +5,9 @@ use carom_chain::urdf::{self, Inertial, LoadOptions, Repair};
 use carom_chain::{Chain, ChainError};
 use nalgebra::{Matrix3, Vector3};
 
-const REPAIR: LoadOptions = LoadOptions {
-    floating_base: false,
-    meshes: urdf::Meshes::WhenUsed,
-    strict: false,
-    repair: true,
-    package_dirs: Vec::new(),
-    rotor_inertia: std::collections::BTreeMap::new(),
-    mass: std::collections::BTreeMap::new(),
-    inertia: std::collections::BTreeMap::new(),
-    srdf: None,
-};
+fn repair() -> LoadOptions {
+    LoadOptions { repair: true, ..Default::default() }
+}
 
 /// The inertia of link `b`.
 fn of_b(text: &str) -> Option<Inertial> {
@@ -278,17 +270,17 @@ fn coordinates_of_mimic_joints_have_mass_if_one_of_their_joints_moves_some() {
             <joint name='k' type='continuous'><parent link='a'/><child link='c'/><mimic joint='j' multiplier='2'/></joint>"
         ))
     };
-    let heavy = Chain::from_urdf_str(&text(INERTIAL), &REPAIR).unwrap();
+    let heavy = Chain::from_urdf_str(&text(INERTIAL), &repair()).unwrap();
     assert_eq!((heavy.check_dynamics(), heavy.report().repairs.len(), heavy.nv()), (Ok(()), 0, 1));
     let mut workspace = heavy.workspace();
     assert_eq!(workspace.update(&heavy, &[0.0]).unwrap().mass_matrix()[(0, 0)], 4.0, "2² times the moment of 1 kg m²");
-    let light = Chain::from_urdf_str(&text(""), &REPAIR).unwrap();
+    let light = Chain::from_urdf_str(&text(""), &repair()).unwrap();
     assert_eq!(light.massless_links(), ["b", "c"], "nothing is left to move, so nothing is repaired");
 }
 
 #[test]
 fn repair_welds_massless_links_at_the_position_nearest_to_zero() {
-    let repaired = urdf::read_str(&massless_end(ABOVE_ZERO), None, &REPAIR).unwrap();
+    let repaired = urdf::read_str(&massless_end(ABOVE_ZERO), None, &repair()).unwrap();
     let weld = |joint: &str, link: &str, parent: &str, position| Repair::Welded {
         joint: joint.into(),
         link: link.into(),
@@ -300,7 +292,7 @@ fn repair_welds_massless_links_at_the_position_nearest_to_zero() {
         repaired.report.repairs[1].to_string(),
         "joint 'l' is fixed at 0.5: link 'd' has no mass and is welded to link 'c'"
     );
-    let chain = Chain::from_robot(repaired, &REPAIR);
+    let chain = Chain::from_robot(repaired, &repair());
     assert_eq!((chain.nv(), chain.check_dynamics()), (1, Ok(())));
     // the pose of the end is that of the robot as it is, at this position
     let whole = Chain::from_urdf_str(&massless_end(ABOVE_ZERO), &Default::default()).unwrap();
@@ -310,7 +302,7 @@ fn repair_welds_massless_links_at_the_position_nearest_to_zero() {
         workspace.update(chain, q).unwrap().position(tip)
     };
     assert!((end(&chain, &[0.3]) - end(&whole, &[0.3, 0.0, 0.5])).norm() < 1e-15);
-    let clean = urdf::read_str(&joint("continuous", ""), None, &REPAIR).unwrap();
+    let clean = urdf::read_str(&joint("continuous", ""), None, &repair()).unwrap();
     assert!(clean.report.repairs.is_empty() && clean.joints == read(&joint("continuous", "")).unwrap().joints);
 }
 
@@ -322,7 +314,7 @@ fn repair_welds_mimic_joints_where_their_leader_is_welded() {
         "<link name='e'/><joint name='m' type='continuous'><parent link='b'/><child link='e'/><axis xyz='0 0 1'/>
         <mimic joint='l' multiplier='3' offset='0.25'/></joint></robot>",
     );
-    let robot = urdf::read_str(&text, None, &REPAIR).unwrap();
+    let robot = urdf::read_str(&text, None, &repair()).unwrap();
     let turn = robot.joints[3].origin.rotation.scaled_axis();
     assert!((turn - Vector3::z() * 1.75).norm() < 1e-15, "{turn}");
     assert_eq!((robot.joints[3].mimic, robot.report.repairs.len()), (None, 3));
@@ -336,7 +328,7 @@ fn repair_raises_principal_moments_to_the_nearest_possible_ones() {
         ("-1 -2 3 0", [-2.0, -1.0, 3.0], [3.0, 0.0, 3.0]),
         ("-1 2 2.5 0", [-1.0, 2.0, 2.5], [0.5, 2.0, 2.5]),
     ] {
-        let robot = urdf::read_str(&moving("1", given), None, &REPAIR).unwrap();
+        let robot = urdf::read_str(&moving("1", given), None, &repair()).unwrap();
         let [Repair::Raised { link, before: was, after: is }] = &robot.report.repairs[..] else { panic!("{given}") };
         let differs = |x: &[f64; 3], y: &[f64; 3]| x.iter().zip(y).any(|(x, y)| (x - y).abs() > 1e-15);
         assert!(link == "b" && !differs(was, &before) && !differs(is, &after), "{given}: {was:?} {is:?}");
@@ -348,18 +340,18 @@ fn repair_raises_principal_moments_to_the_nearest_possible_ones() {
         assert!(moments[0] + moments[1] > moments[2] - 1e-15, "a body can have them: {moments:?}");
     }
     // The axes stay: the moment about (1, -1, 0) is raised, which adds to ixx, iyy and -ixy in equal parts.
-    let robot = urdf::read_str(&moving("1", "1 1 1 2"), None, &REPAIR).unwrap();
+    let robot = urdf::read_str(&moving("1", "1 1 1 2"), None, &repair()).unwrap();
     let exact = nalgebra::matrix![2.5, 0.5, 0.0; 0.5, 2.5, 0.0; 0.0, 0.0, 1.0];
     assert!((robot.links[1].inertial.unwrap().inertia_at_com - exact).amax() < 1e-15);
     assert_eq!(robot.report.repairs[0].to_string(), "link 'b': principal moments -1, 1, 3 kg m² are raised to 2, 1, 3");
-    let still = urdf::read_str(&on_b(&inertial("1", "0.1 0.2 0.4 0"), "fixed"), None, &REPAIR).unwrap();
+    let still = urdf::read_str(&on_b(&inertial("1", "0.1 0.2 0.4 0"), "fixed"), None, &repair()).unwrap();
     assert!(still.report.repairs.is_empty(), "an inertia that has no effect is not changed");
 }
 
 #[test]
 fn summary_of_a_report_has_all_repairs_and_the_first_warnings() {
     let text = massless_end("").replace("<link name='d'/>", "<link name='d' x='1' y='2' z='3'/>");
-    let report = urdf::read_str(&text, None, &REPAIR).unwrap().report;
+    let report = urdf::read_str(&text, None, &repair()).unwrap().report;
     assert_eq!(report.warnings.len(), 4);
     let summary = report.summary(3);
     assert_eq!(summary[..2], [0, 1].map(|k| format!("repaired: {}", report.repairs[k])));

@@ -26,7 +26,7 @@ fn invalid_numbers_are_refused() {
         joint revolute: <limit lower='-pi'/>
             <string>:1: joint 'j' <limit lower>: "-pi" is wrong: '-pi' is not a number; write numbers with a decimal point, separated by spaces
         joint revolute: <limit upper='inf'/>
-            <string>:1: joint 'j' <limit upper>: "inf" is wrong: 'inf' is not a finite number up to 1e100; for no limit, omit the attribute
+            <string>:1: joint 'j' <limit upper>: "inf" is wrong: 'inf' is not a finite number up to 1e100; for no limit, omit the attribute (lower and upper together: one alone has the other at 0)
         joint revolute: <limit effort='-1'/>
             <string>:1: joint 'j' <limit effort>: "-1" is wrong: -1 must not be negative
         joint revolute: <limit velocity='-0.5'/>

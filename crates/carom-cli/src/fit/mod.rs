@@ -6,14 +6,13 @@ mod report;
 use crate::error::CliError;
 use crate::input::{LoadArgs, parse_vector, tell};
 use crate::law::{Refusal, laws};
-use crate::output::answer;
+use crate::output::{Bar, answer_about};
 use crate::tosses::start;
 use carom_chain::Chain;
 use carom_impact::LAW_NAMES;
 use carom_study::fit::{Fit, FitError, FitOptions, Joined, Loss, MeasuredImpact, fit_trajectories, fit_velocities};
 use carom_study::{Horizon, RollOutOptions, Tosses};
 use clap::{Args, builder::PossibleValuesParser};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -47,13 +46,16 @@ pub struct FitCommand {
     #[command(flatten)]
     at: AtRobot,
     /// Acceleration of gravity in flights, world axes, m/s²
-    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,-9.81", value_parser = parse_vector, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,-9.81", value_parser = parse_vector, allow_hyphen_values = true, conflicts_with = "velocities")]
     gravity: [f64; 3],
     /// Impact law; all fits every law and prints one table, least error first
     #[arg(long, value_parser = laws(true), default_value = "energetic")]
     law: String,
     /// Fit the scale of rotational inertia as well, from 0.5 to 2; needs a robot
-    #[arg(long)]
+    ///
+    /// One factor for the moments of inertia of all moving bodies about their centres of mass. Links on
+    /// fixed joints are parts of one body.
+    #[arg(long, verbatim_doc_comment)]
     inertia: bool,
     /// Loss of an error: huber is its square up to twice the median error, linear beyond
     #[arg(long, value_parser = PossibleValuesParser::new(["huber", "squares"]), default_value = "huber")]
@@ -74,20 +76,20 @@ pub struct FitCommand {
     #[arg(long, default_value_t = 0.95, allow_hyphen_values = true)]
     confidence: f64,
     /// Length L of the tosses' pose error, m: mean |Δp|²/L + mean Δθ² over the samples
-    #[arg(long, value_name = "METRES", default_value_t = 0.0524, allow_hyphen_values = true)]
+    #[arg(long, value_name = "METRES", default_value_t = 0.0524, allow_hyphen_values = true, conflicts_with_all = ["velocities", "flights"])]
     length: f64,
     /// State at the start of tosses: fitted to the poses of the flight before the first impact, or
     /// given by the first free sample of the table
-    #[arg(long, value_parser = PossibleValuesParser::new(["fitted", "given"]), default_value = "fitted", verbatim_doc_comment)]
+    #[arg(long, value_parser = PossibleValuesParser::new(["fitted", "given"]), default_value = "fitted", verbatim_doc_comment, conflicts_with_all = ["velocities", "flights"])]
     start: String,
     /// Part of the tosses that is fitted: whole, or early, to 0.1 s after the first impact
-    #[arg(long, value_parser = PossibleValuesParser::new(["whole", "early"]), default_value = "whole")]
+    #[arg(long, value_parser = PossibleValuesParser::new(["whole", "early"]), default_value = "whole", conflicts_with_all = ["velocities", "flights"])]
     horizon: String,
     /// Relative tolerance of the integration of tosses
-    #[arg(long, default_value = "1e-6", allow_hyphen_values = true)]
+    #[arg(long, default_value = "1e-6", allow_hyphen_values = true, conflicts_with_all = ["velocities", "flights"])]
     tolerance: f64,
     /// Length of a time step of tosses, where time steps are computed, s
-    #[arg(long, value_name = "SECONDS", default_value_t = 1e-3, allow_hyphen_values = true)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 1e-3, allow_hyphen_values = true, conflicts_with_all = ["velocities", "flights"])]
     contact_step: f64,
     /// Print one line of JSON, with the error of every impact or toss, instead of a table
     #[arg(long)]
@@ -180,7 +182,7 @@ impl FitCommand {
         let Source { velocities, flights, tosses } = &self.source;
         let mut told = Flights::default();
         let path = velocities.as_deref().or(flights.as_deref()).or(tosses.as_deref()).unwrap_or(Path::new("-"));
-        let refuse = |e: FitError| CliError::Option(format!("{}: {e}", name(path)));
+        let refuse = |e: FitError| CliError::Input(format!("{}: {e}", name(path)));
         let data = if tosses.is_some() {
             let roll = RollOutOptions {
                 tolerance: self.tolerance,
@@ -196,11 +198,11 @@ impl FitCommand {
                 self.at.jumps(path)?
             } else if path.is_dir() {
                 let tosses = self.tosses(path)?;
-                let bar = Bar::new("flights");
+                let bar = bar("flights");
                 let impacts = self.first_impacts(path, &tosses, &mut told, &|done, all| bar.tell(done, all))?;
                 (impacts, Some(tosses.chain))
             } else {
-                let bar = Bar::new("flights");
+                let bar = bar("flights");
                 self.flights(path, &mut told, &|done, all| bar.tell(done, all))?
             };
             Data::Impacts(impacts, chain)
@@ -208,7 +210,7 @@ impl FitCommand {
         if self.law != "all" {
             let fit = self.fit(&self.law, &data, &told).map_err(refuse)?;
             let report = report::Report::new(&fit, &told, &self);
-            return answer(out, &report, self.json, report::for_people).map_err(|e| CliError::refused(path, e));
+            return answer_about(path, out, &report, self.json, report::for_people);
         }
         let (mut fits, mut refused) = (Vec::new(), Vec::new());
         for law in LAW_NAMES {
@@ -220,7 +222,7 @@ impl FitCommand {
             }
         }
         let all = report::All::new(fits.iter().map(|fit| report::Report::new(fit, &told, &self)).collect(), refused);
-        answer(out, &all, self.json, report::table).map_err(|e| CliError::refused(path, e))
+        answer_about(path, out, &all, self.json, report::table)
     }
 
     /// The fit of one law.
@@ -236,11 +238,11 @@ impl FitCommand {
         };
         match data {
             Data::Tosses(tosses, roll) => {
-                let bar = Bar::new("trials");
+                let bar = bar("trials");
                 fit_trajectories(tosses, &options, roll, &|done, all| bar.tell(done, all))
             }
             Data::Impacts(impacts, chain) => {
-                let bar = Bar::new("parts");
+                let bar = bar("parts");
                 let mut fit = fit_velocities(impacts, chain.as_ref(), &options, &|done, all| bar.tell(done, all))?;
                 number(&mut fit, &told.numbers);
                 Ok(fit)
@@ -250,8 +252,8 @@ impl FitCommand {
 
     fn tosses(&self, folder: &Path) -> Result<Tosses, CliError> {
         let robot = self.at.robot.as_deref().map(Path::to_string_lossy);
-        let options = self.at.load.options(true);
-        let tosses = Tosses::read(folder, robot.as_deref(), &options).map_err(|e| CliError::Scene(e.to_string()))?;
+        let options = self.at.load.options(true)?;
+        let tosses = Tosses::read(folder, robot.as_deref(), &options).map_err(|e| CliError::Input(e.to_string()))?;
         tell(&folder.display().to_string(), &tosses.chain);
         Ok(tosses)
     }
@@ -269,27 +271,7 @@ fn name(path: &Path) -> String {
     if path == Path::new("-") { "<stdin>".into() } else { path.display().to_string() }
 }
 
-/// A progress bar, shown on a terminal only.
-pub struct Bar(ProgressBar);
-
-impl Bar {
-    pub fn new(what: &'static str) -> Self {
-        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
-        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} {prefix}, {elapsed} so far, {eta} to go");
-        if let Ok(style) = style {
-            bar.set_style(style);
-        }
-        Self(bar.with_prefix(what))
-    }
-
-    pub fn tell(&self, done: usize, all: usize) {
-        self.0.set_length(all as u64);
-        self.0.set_position(done as u64);
-    }
-}
-
-impl Drop for Bar {
-    fn drop(&mut self) {
-        self.0.finish_and_clear();
-    }
+/// A progress bar of these.
+pub fn bar(what: &str) -> Bar {
+    Bar::new(None, &format!("{{bar:40}} {{pos}}/{{len}} {what}, {{elapsed}} so far, {{eta}} to go"))
 }

@@ -102,7 +102,7 @@ impl AtRobot {
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")) {
             let Some(robot) = robot else {
                 let file = name(path);
-                return Err(CliError::Option(format!(
+                return Err(CliError::Input(format!(
                     "{file}: a table has velocities of joints: give --robot and --tip"
                 )));
             };
@@ -119,7 +119,7 @@ impl AtRobot {
         not_empty(path, impacts.len())?;
         if let (Some(args), false) = (self.robot_args(), of_robot) {
             let (file, robot) = (name(path), args.urdf.display());
-            return Err(CliError::Option(format!(
+            return Err(CliError::Input(format!(
                 "--robot {robot}: no line of {file} has a q: leave --robot out, or give q, qd_minus, qd_plus instead of delassus"
             )));
         }
@@ -129,7 +129,7 @@ impl AtRobot {
     /// The rows of a CSV table, whose columns are found by their names.
     fn table(&self, path: &Path, robot: &Robot) -> Result<Vec<MeasuredImpact>, CliError> {
         let file = || path.display().to_string();
-        let unreadable = |e: csv::Error| CliError::Unreadable { file: file(), reason: e.into() };
+        let unreadable = |e: csv::Error| CliError::unreadable(file(), &e.into());
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(unreadable)?;
         let header: Vec<String> = reader.headers().map_err(unreadable)?.iter().map(str::to_owned).collect();
         let find = |name: &str| header.iter().position(|own| own.trim_start_matches('\u{feff}') == name);
@@ -139,7 +139,7 @@ impl AtRobot {
         for Column { name, .. } in &columns {
             let needed = |name: &str| {
                 let rule = || format!("{}: there is no column '{name}': the columns are {}", file(), header.join(", "));
-                find(name).ok_or_else(|| CliError::Option(rule()))
+                find(name).ok_or_else(|| CliError::Input(rule()))
             };
             if let Some(joint) = name.strip_prefix("qd.") {
                 let minus = format!("qd_minus.{joint}");
@@ -154,7 +154,7 @@ impl AtRobot {
         for record in reader.records() {
             let record = record.map_err(unreadable)?;
             let line = record.position().map_or(0, |place| place.line() as usize);
-            let refuse = |LineError(reason): LineError| CliError::Line { file: file(), line, reason };
+            let refuse = |LineError(reason): LineError| CliError::line(file(), line, &reason);
             let numbers = |columns: &[usize]| -> Result<Vec<f64>, LineError> {
                 let one = |&k: &usize| {
                     let text = record.get(k).unwrap_or_default();
@@ -233,7 +233,7 @@ impl FitCommand {
     ) -> Result<(Vec<MeasuredImpact>, Option<Chain>), CliError> {
         let Some(robot) = self.at.robot()? else {
             let file = name(path);
-            return Err(CliError::Option(format!("{file}: flights need a robot: give --robot")));
+            return Err(CliError::Input(format!("{file}: flights need a robot: give --robot")));
         };
         let mut impacts = Vec::new();
         // Standard input and pipes are read once, so their number of lines is unknown.
@@ -280,8 +280,8 @@ impl FitCommand {
             .tip
             .as_deref()
             .map(|tip| tosses.chain.frame(tip).map(|frame| FramePoint::new(frame, self.at.point)));
-        let tip = tip.transpose().map_err(|e| CliError::Option(format!("{}: --tip: {e}", folder.display())))?;
-        let all = toss_flights(tosses).map_err(|e| CliError::Scene(e.to_string()))?;
+        let tip = tip.transpose().map_err(|e| CliError::Input(format!("{}: --tip: {e}", folder.display())))?;
+        let all = toss_flights(tosses).map_err(|e| CliError::Input(e.to_string()))?;
         not_empty(folder, all.len())?;
         let count = all.len();
         let mut joined = Vec::new();
@@ -309,7 +309,7 @@ impl FitCommand {
                     told.add(number, &one);
                 }
                 Err(e @ FitError::NoApproach { .. }) => told.left_out.push((number, e.to_string())),
-                Err(e) => return Err(CliError::Option(format!("{}: toss {number}: {e}", folder.display()))),
+                Err(e) => return Err(CliError::Input(format!("{}: toss {number}: {e}", folder.display()))),
             }
         }
         Ok(impacts)
@@ -324,7 +324,7 @@ fn not_empty(path: &Path, found: usize) -> Result<(), CliError> {
     if found > 0 {
         return Ok(());
     }
-    Err(CliError::Option(format!("{}: it holds no impacts: give at least one", name(path))))
+    Err(CliError::Input(format!("{}: it holds no impacts: give at least one", name(path))))
 }
 
 fn square<const D: usize>(rows: &[Vec<f64>]) -> Result<SMatrix<f64, D, D>, LineError> {

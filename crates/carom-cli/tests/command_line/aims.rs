@@ -13,10 +13,10 @@ fn the_scene_the_table_and_the_answer_are_of_one_motion() {
     assert_eq!(strike["contact"], "tip on wall");
     let near = |own: &serde_json::Value, other: f64| (own.as_f64().unwrap() - other).abs() < 1e-6;
     assert!(near(&strike["time"], found["events"][0]["time"].as_f64().unwrap()), "{strike}");
-    let table = std::fs::read_to_string(desk.0.join("blow.csv")).unwrap();
+    let table = desk.read("blow.csv");
     let last: Vec<f64> = table.lines().last().unwrap().split(',').map(|x| x.parse().unwrap()).collect();
     assert!(near(&run["final"]["q"][0], last[1]) && near(&run["final"]["q"][1], last[2]), "{last:?} {run}");
-    let torques = std::fs::read_to_string(desk.0.join("blow.torques.csv")).unwrap();
+    let torques = desk.read("blow.torques.csv");
     assert!(torques.starts_with("time,shoulder,elbow\n0,"), "{torques}");
     assert_eq!(torques.lines().count(), 10);
 }
@@ -31,8 +31,8 @@ fn the_scene_with_feedback_repeats_the_motion_and_holds_disturbed_starts_to_it()
     let [without, with] = ["without", "with"].map(|key| found["growth"][key].as_f64().unwrap());
     assert!(without > 2.0 && with < 1e-4, "{found}");
     let end = |scene: &str, start: f64| {
-        let text = std::fs::read_to_string(desk.0.join(scene)).unwrap();
-        std::fs::write(desk.0.join("moved.toml"), text.replace("4.0001", &start.to_string())).unwrap();
+        let text = desk.read(scene);
+        desk.write("moved.toml", text.replace("4.0001", &start.to_string()));
         let run = desk.one("simulate moved.toml --json");
         assert_eq!(run["events"].as_array().map(Vec::len), Some(1), "{run}");
         [&run["final"]["q"][0], &run["final"]["qd"][0]].map(|x| x.as_f64().unwrap())
@@ -52,16 +52,14 @@ fn feedback_that_cannot_be_is_refused_with_names() {
     let desk = Desk::with_studies();
     desk.one("aim studies/aims/nail.toml --out blow.toml --json");
     desk.one("feedback blow.toml --out tracked.toml --json");
-    let (scene, table) =
-        ["tracked.toml", "tracked.feedback.csv"].map(|name| std::fs::read_to_string(desk.0.join(name)).unwrap()).into();
-    let write = |name: &str, text: String| std::fs::write(desk.0.join(name), text).unwrap();
+    let (scene, table) = ["tracked.toml", "tracked.feedback.csv"].map(|name| desk.read(name)).into();
     let other = |name: &str| scene.replace("tracked.feedback.csv", name);
-    write("half.toml", other("half.csv"));
-    write("half.csv", table.replacen(",0,", ",0.5,", 1));
-    write("name.toml", other("name.csv"));
-    write("name.csv", table.replacen("gain.elbow.qd.elbow", "gain.elbow.qd.elbo", 1));
-    write("three.toml", scene.replace("torque_file = \"blow.torques.csv\"", "torque = [1, 2, 3]"));
-    write("both.toml", scene.replace("torque_file", "torque = [1, 2]\ntorque_file"));
+    desk.write("half.toml", other("half.csv"));
+    desk.write("half.csv", table.replacen(",0,", ",0.5,", 1));
+    desk.write("name.toml", other("name.csv"));
+    desk.write("name.csv", table.replacen("gain.elbow.qd.elbow", "gain.elbow.qd.elbo", 1));
+    desk.write("three.toml", scene.replace("torque_file = \"blow.torques.csv\"", "torque = [1, 2, 3]"));
+    desk.write("both.toml", scene.replace("torque_file", "torque = [1, 2]\ntorque_file"));
     for (args, told) in [
         (
             "feedback scenes/racket.toml",
@@ -79,20 +77,19 @@ fn feedback_that_cannot_be_is_refused_with_names() {
         ("simulate three.toml", "torque has 3 numbers, 2 are needed (shoulder, elbow)"),
         ("simulate both.toml", "takes torque or torque_file, not both"),
     ] {
-        let ran = desk.run(args);
-        assert!(ran.code == Some(1) && ran.err.contains(told), "{args}: {ran:?}");
+        refused_with(&desk.run(args), told);
     }
 }
 
 #[test]
 fn aims_that_are_not_reached_and_wrong_problems_name_file_key_and_rule() {
     let desk = Desk::with_studies();
-    let racket = std::fs::read_to_string(desk.0.join("studies/aims/racket.toml")).unwrap();
+    let racket = desk.read("studies/aims/racket.toml");
     let racket = racket.replace("../../scenes", "scenes");
-    std::fs::write(desk.0.join("far.toml"), racket.replace("equals = 1.8", "equals = 18")).unwrap();
-    std::fs::write(desk.0.join("typo.toml"), racket.replace("robot.q[3]", "robot.q[30]")).unwrap();
+    desk.write("far.toml", racket.replace("equals = 1.8", "equals = 18"));
+    desk.write("typo.toml", racket.replace("robot.q[3]", "robot.q[30]"));
     let twice = "[[unknown]]\nname = \"v\"\nfirst = 1\nset = { \"robot.q[3]\" = \"v\" }\n";
-    std::fs::write(desk.0.join("twice.toml"), format!("{racket}\n{twice}")).unwrap();
+    desk.write("twice.toml", format!("{racket}\n{twice}"));
     for (args, told) in [
         ("aim twice.toml", "both set robot.q[3]: remove one"),
         ("aim studies/aims/none.toml", "studies/aims/none.toml: cannot be read"),
@@ -102,7 +99,6 @@ fn aims_that_are_not_reached_and_wrong_problems_name_file_key_and_rule() {
         ("aim studies/aims/racket.toml --out racket.svg", "the ending of the name says what is written"),
         ("aim studies/aims/racket.toml --out studies/aims/racket.toml", "the command reads this file"),
     ] {
-        let ran = desk.run(args);
-        assert!(ran.code == Some(1) && ran.err.contains(told), "{args}: {ran:?}");
+        refused_with(&desk.run(args), told);
     }
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 #[test]
 fn every_answer_has_the_keys_of_the_contract() {
     let desk = Desk::new();
-    let report = &desk.answers("inspect planar2.urdf --json", "")[0];
+    let report = &desk.one("inspect planar2.urdf --json");
     assert_eq!(
         keys(report),
         ["dof", "joints", "links", "massless", "name", "nq", "nv", "planar", "repairs", "total_mass", "warnings"]
@@ -39,15 +39,15 @@ fn every_answer_has_the_keys_of_the_contract() {
     let arms = "[[robot]]\nname = \"a\"\nurdf = \"planar2.urdf\"\n\
                 [[robot]]\nname = \"b\"\nurdf = \"planar2.urdf\"\nposition = [3, 0, 0]\n[run]\nduration = 0.1\n";
     desk.write("arms.toml", arms);
-    let both = &desk.answers("inspect arms.toml --json", "")[0];
+    let both = &desk.one("inspect arms.toml --json");
     assert_eq!(both["robots"][1], json!({"name": "b", "q": [2, 2], "qd": [2, 2]}));
     assert_eq!((&both["dof"], &both["joints"][0]["name"]), (&json!(4), &json!("a/shoulder")));
     let people = desk.run("inspect arms.toml");
     assert!(people.out.contains("\nrobot b: q 2 … 3, qd 2 … 3\n"), "{}", people.out);
-    let run = &desk.answers("simulate arms.toml --json", "")[0];
+    let run = &desk.one("simulate arms.toml --json");
     assert_eq!(run["joints"], json!(["a/shoulder", "a/elbow", "b/shoulder", "b/elbow"]));
-    refused(
-        desk.run("inspect arms.toml --repair"),
+    desk.refused(
+        "inspect arms.toml --repair",
         "arms.toml: options for loading are keys of the scene: remove them here",
     );
 
@@ -106,7 +106,7 @@ fn every_answer_has_the_keys_of_the_contract() {
 #[test]
 fn inspect_reports_the_content_of_the_file() {
     let desk = Desk::new();
-    let report = &desk.answers("inspect planar2.urdf --json", "")[0];
+    let report = &desk.one("inspect planar2.urdf --json");
     for (key, value) in [
         ("name", json!("planar2")),
         ("dof", json!(2)),
@@ -127,7 +127,7 @@ fn inspect_reports_the_content_of_the_file() {
             "damping": 0.0, "friction": 0.0, "rotor_inertia": 0.0, "mimic": null
         })
     );
-    let arm = &desk.answers("inspect arm7.urdf --json", "")[0];
+    let arm = &desk.one("inspect arm7.urdf --json");
     assert_eq!(
         arm["planar"],
         json!({
@@ -135,7 +135,7 @@ fn inspect_reports_the_content_of_the_file() {
             "reason": "joint 'shoulder_pitch' leaves the plane: its axis (0.000000, 1.000000, 0.000000) is not parallel to that of 'shoulder_yaw'"
         })
     );
-    let floating = &desk.answers("inspect planar2.urdf --floating --json", "")[0];
+    let floating = &desk.one("inspect planar2.urdf --floating --json");
     assert_eq!((&floating["dof"], &floating["nq"], &floating["nv"]), (&json!(8), &json!(9), &json!(8)));
     assert_eq!(
         floating["joints"][0],
@@ -287,7 +287,7 @@ fn a_joint_of_the_file_named_root_joint_is_refused_with_floating() {
         "dynamics r.urdf --floating --json --tip b --states -",
         "dynamics r.urdf --floating --json --tip b --joints root_joint --states -",
     ] {
-        refused(desk.run(args), message);
+        desk.refused(args, message);
     }
     // Without --floating it is a joint like any other.
     let answer = desk.answer("dynamics r.urdf --json --tip b --states -", &json!({"q": [0.5], "qd": [1]}));
@@ -300,8 +300,8 @@ fn joints_option_must_name_every_joint_but_a_floating_base() {
     let axis = r#"<axis xyz="1 0 0"/>"#;
     let arm = limb("b", "a", "continuous", axis) + &limb("c", "b", "continuous", axis);
     desk.write("r.urdf", robot(&format!(r#"<link name="a"/>{}"#, arm.replace("continuous_c", "root_joint"))));
-    refused(
-        desk.run("dynamics r.urdf --json --tip c --joints continuous_b --states -"),
+    desk.refused(
+        "dynamics r.urdf --json --tip c --joints continuous_b --states -",
         "r.urdf: --joints: joint 'root_joint' is not in the list: name every moving joint",
     );
 }
@@ -405,5 +405,5 @@ fn a_refused_line_leaves_the_answers_before_it_and_no_file() {
     // A fit reads all of its lines first, and prints nothing if one is refused.
     let jump = json!({"delassus": [[1, 0], [0, 1]], "u_minus": [0.1, -1], "u_plus": [0, 0.5]});
     desk.write("jumps.jsonl", format!("{jump}\n{jump}\n{jump}\noops\n"));
-    refused(desk.run("fit --velocities jumps.jsonl"), "jumps.jsonl:4: expected value at column 1");
+    desk.refused("fit --velocities jumps.jsonl", "jumps.jsonl:4: expected value at column 1");
 }

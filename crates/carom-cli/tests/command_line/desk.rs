@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use std::io::Write;
 use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
 
 pub const INERTIAL: &str =
     r#"<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>"#;
@@ -16,6 +17,14 @@ pub const UP_ELBOW: [f64; 2] = [FRAC_PI_4, -FRAC_PI_2];
 
 /// A folder that is removed when the test ends. Commands run in it, so that messages name files without a path.
 pub struct Desk(pub Folder);
+
+impl std::ops::Deref for Desk {
+    type Target = Folder;
+
+    fn deref(&self) -> &Folder {
+        &self.0
+    }
+}
 
 /// Exit status and output of a run.
 #[derive(Debug, PartialEq)]
@@ -35,23 +44,11 @@ impl Desk {
         Self(folder)
     }
 
-    /// The desk with the robots, scenes and studies of the repository.
+    /// The desk with the robots, scenes, studies and documents of the repository.
     pub fn with_studies() -> Self {
         let desk = Self::new();
-        desk.0.link(&["robots", "scenes", "studies"]);
+        desk.0.link(&["robots", "scenes", "studies", "docs"]);
         desk
-    }
-
-    pub fn write(&self, file: &str, text: impl AsRef<[u8]>) {
-        std::fs::write(self.0.join(file), text).unwrap();
-    }
-
-    /// Names of the files in a folder of the desk, in order; none if there is no such folder.
-    pub fn files(&self, folder: &str) -> Vec<String> {
-        let Ok(entries) = std::fs::read_dir(self.0.join(folder)) else { return Vec::new() };
-        let mut names: Vec<String> = entries.map(|it| it.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
     }
 
     pub fn command(&self, args: &str) -> Command {
@@ -73,6 +70,21 @@ impl Desk {
     /// The same, with text on standard input.
     pub fn feed(&self, args: &str, input: impl AsRef<[u8]>) -> Ran {
         finish(self.command(args).spawn().unwrap(), input.as_ref())
+    }
+
+    /// Runs a command until the table that it writes has this number of bytes, waits, interrupts it and collects its output.
+    #[cfg(unix)]
+    pub fn interrupted(&self, args: &str, table: &str, least: u64, wait: Duration) -> Ran {
+        let child = self.command(args).spawn().unwrap();
+        let (part, begun) = (self.0.join(format!("{table}.part")), Instant::now());
+        while std::fs::metadata(&part).map_or(true, |of| of.len() < least) {
+            assert!(begun.elapsed() < Duration::from_secs(60), "the run does not begin");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        std::thread::sleep(wait);
+        let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        assert!(sent.success());
+        finish(child, b"")
     }
 
     /// The answers as JSON; panics if anything is refused.
@@ -126,6 +138,13 @@ pub fn finish(mut child: Child, input: &[u8]) -> Ran {
 pub fn refused(ran: Ran, message: &str) {
     let expected = Ran { code: Some(1), out: String::new(), err: format!("error: {message}\n") };
     assert_eq!(ran, expected);
+}
+
+/// Checks for exit status 1, nothing on standard output, and a line of refusal with these words.
+#[track_caller]
+pub fn refused_with(ran: &Ran, words: &str) {
+    let told = ran.err.lines().any(|line| line.starts_with("error: ") && line.contains(words));
+    assert!(ran.code == Some(1) && ran.out.is_empty() && told, "{words:?}: {ran:?}");
 }
 
 /// Checks for a usage error: exit status 2, nothing on standard output, these words on standard error.

@@ -46,11 +46,11 @@ fn laid() -> Desk {
 #[track_caller]
 fn leaves_all(desk: &Desk, args: &str, message: &str) {
     let all = || -> Vec<(String, Vec<u8>)> {
-        let read = |name: String| (name.clone(), std::fs::read(desk.0.join(name)).unwrap_or_default());
+        let read = |name: String| (name.clone(), std::fs::read(desk.join(name)).unwrap_or_default());
         desk.files("").into_iter().map(read).collect()
     };
     let before = all();
-    refused(desk.run(args), message);
+    desk.refused(args, message);
     assert!(all() == before, "{args} wrote something");
 }
 
@@ -63,9 +63,9 @@ fn outputs_that_would_replace_an_input_are_refused() {
     for (from, to) in
         [("t.csv", "t.svg"), ("good.jsonl", "good.svg"), ("m.toml", "m.svg"), ("planar2.urdf", "robot.svg")]
     {
-        std::fs::copy(desk.0.join(from), desk.0.join(to)).unwrap();
+        std::fs::copy(desk.join(from), desk.join(to)).unwrap();
     }
-    let study = std::fs::read_to_string(desk.0.join("m.toml")).unwrap();
+    let study = desk.read("m.toml");
     desk.write("m.toml", study.replace("planar2.urdf", "robot.svg"));
     for (args, named) in [
         ("consistency t.svg --out t.svg".to_owned(), "--out t.svg"),
@@ -84,12 +84,12 @@ fn outputs_that_would_replace_an_input_are_refused() {
 #[test]
 fn outputs_that_reach_an_input_through_a_link_are_refused() {
     let desk = laid();
-    std::os::unix::fs::symlink("t.csv", desk.0.join("link.svg")).unwrap();
-    std::os::unix::fs::symlink(".", desk.0.join("here")).unwrap();
+    std::os::unix::fs::symlink("t.csv", desk.join("link.svg")).unwrap();
+    std::os::unix::fs::symlink(".", desk.join("here")).unwrap();
     let lost = "the command reads this file and would replace it: give another name";
     leaves_all(&desk, "consistency t.csv --out link.svg", &format!("--out link.svg: {lost}"));
-    std::fs::copy(desk.0.join("t.csv"), desk.0.join("t.svg")).unwrap();
-    std::os::unix::fs::symlink("t.svg", desk.0.join("link.csv")).unwrap();
+    std::fs::copy(desk.join("t.csv"), desk.join("t.svg")).unwrap();
+    std::os::unix::fs::symlink("t.svg", desk.join("link.csv")).unwrap();
     leaves_all(&desk, "consistency link.csv --out t.svg", &format!("--out t.svg: {lost}"));
     leaves_all(&desk, "consistency t.svg --out here/t.svg", &format!("--out here/t.svg: {lost}"));
     let twice = "--out here/m.csv: --out m.csv is a table too: give one";
@@ -137,9 +137,9 @@ fn missing_folders_of_outputs_are_refused_before_any_work() {
         leaves_all(&desk, &format!("{args} {option} {file}"), &message);
     }
     let folder = "it is a folder or a device: give the name of a file";
-    std::fs::create_dir(desk.0.join("folder.csv")).unwrap();
+    std::fs::create_dir(desk.join("folder.csv")).unwrap();
     leaves_all(&desk, "map m.toml --out folder.csv", &format!("--out folder.csv: {folder}"));
-    std::fs::create_dir(desk.0.join("folder.svg")).unwrap();
+    std::fs::create_dir(desk.join("folder.svg")).unwrap();
     leaves_all(&desk, "consistency t.csv --out folder.svg", &format!("--out folder.svg: {folder}"));
 }
 
@@ -164,7 +164,7 @@ fn outputs_are_written_by_their_endings() {
     }
     done(&desk.run("simulate s.toml --out new.csv --out new.parquet"));
     done(&desk.run("simulate s.toml --csv old.csv --parquet old.parquet"));
-    let read = |file: &str| std::fs::read(desk.0.join(file)).unwrap();
+    let read = |file: &str| std::fs::read(desk.join(file)).unwrap();
     for ending in ["csv", "parquet"] {
         assert!(read(&format!("new.{ending}")) == read(&format!("old.{ending}")), "{ending}");
     }
@@ -180,11 +180,11 @@ fn a_table_is_printed_in_place_of_the_answer() {
     for (args, file) in [("--out -", "x.csv"), ("--contacts - --out y.csv", "c.csv")] {
         let ran = desk.run(&format!("simulate s.toml {args}"));
         done(&ran);
-        assert_eq!(ran.out, std::fs::read_to_string(desk.0.join(file)).unwrap(), "{args}");
+        assert_eq!(ran.out, desk.read(file), "{args}");
     }
-    let header = std::fs::read_to_string(desk.0.join("x.csv")).unwrap();
+    let header = desk.read("x.csv");
     assert!(header.starts_with("time,q."), "{header}");
-    assert!(desk.0.join("y.csv").exists());
+    assert!(desk.join("y.csv").exists());
     let rule = "give the table the name of a file";
     leaves_all(
         &desk,
@@ -288,12 +288,12 @@ fn a_second_process_that_writes_the_same_table_is_refused() {
     ] {
         let mut first = Running::begun(&desk, long, &format!("{name}.part"));
         let why = "cannot be written: another process writes it: wait for its end, or give another name";
-        refused(desk.run(short), &format!("{name}: {why}"));
+        desk.refused(short, &format!("{name}: {why}"));
         assert!(first.0.try_wait().unwrap().is_none(), "{long} goes on");
-        assert!(desk.files("").contains(&format!("{name}.part")) && !desk.0.join(name).exists());
+        assert!(desk.files("").contains(&format!("{name}.part")) && !desk.join(name).exists());
         drop(first);
         done(&desk.run(short));
-        assert!(desk.0.join(name).exists() && !desk.files("").contains(&format!("{name}.part")), "{short}");
+        assert!(desk.join(name).exists() && !desk.files("").contains(&format!("{name}.part")), "{short}");
     }
 }
 
@@ -324,10 +324,9 @@ fn what_cannot_be_drawn_or_advised_is_refused_before_the_map_is_computed() {
 #[test]
 fn a_folder_that_cannot_be_written_to_is_refused_before_any_work() {
     let desk = laid();
-    let args = "map m.toml --out m.csv --svg /proc/m.svg";
-    let ran = desk.run(args);
-    assert!(ran.code == Some(1) && ran.err.starts_with("error: /proc/m.svg: cannot be written: "), "{ran:?}");
-    assert!(!desk.0.join("m.csv").exists());
+    let ran = desk.run("map m.toml --out m.csv --svg /proc/m.svg");
+    refused_with(&ran, "error: /proc/m.svg: cannot be written: ");
+    assert!(!desk.join("m.csv").exists());
 }
 
 #[test]
@@ -336,12 +335,11 @@ fn files_of_the_user_in_the_folder_of_a_report_are_not_replaced() {
     for (command, own, missing) in
         [("paper", "table1.csv", "fig4.svg"), ("stress --scene jam", "stress.md", "stress.svg")]
     {
-        let folder = desk.0.join(command.split(' ').next().unwrap());
+        let folder = desk.join(command.split(' ').next().unwrap());
         std::fs::create_dir(&folder).unwrap();
         std::fs::write(folder.join(own), "mine").unwrap();
         let ran = desk.run(&format!("{command} --out {}", folder.display()));
-        assert_eq!((ran.code, ran.out.as_str()), (Some(1), ""), "{command}");
-        assert!(ran.err.contains(&format!("it contains '{own}' but not '{missing}', so it is ")), "{}", ran.err);
+        refused_with(&ran, &format!("it contains '{own}' but not '{missing}', so it is "));
         assert_eq!(std::fs::read_to_string(folder.join(own)).unwrap(), "mine");
         assert_eq!(desk.files(folder.file_name().unwrap().to_str().unwrap()), [own]);
         // The folder of an earlier run is written again.

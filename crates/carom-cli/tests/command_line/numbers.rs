@@ -170,7 +170,7 @@ fn the_first_problem_is_drawn_in_the_plane_or_in_space() {
     let args = "law --json --law all --restitution 0.6 --friction 0.3 --problems - --svg";
     let drawn = |file: &str, problems: &str| {
         assert!(!desk.answers(&format!("{args} {file}"), problems).is_empty());
-        let svg = std::fs::read_to_string(desk.0.join(file)).unwrap();
+        let svg = desk.read(file);
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
         for law in ["frictionless", "whittaker", "newton", "poisson", "energetic", "chatterjee-ruina", "brach", "smith"]
         {
@@ -186,7 +186,7 @@ fn the_first_problem_is_drawn_in_the_plane_or_in_space() {
     assert!(!hodograph.contains("permissible"));
     let one = "law --law whittaker --restitution 0.6 --friction 0.3 --svg one.svg --problems -";
     done(&desk.feed(one, spatial.to_string()));
-    let one = std::fs::read_to_string(desk.0.join("one.svg")).unwrap();
+    let one = desk.read("one.svg");
     assert!(one.contains("whittaker") && one.contains("end of compression") && !one.contains("newton"));
 }
 
@@ -221,8 +221,8 @@ fn problems_that_cannot_be_drawn_are_refused_and_no_file_is_written() {
     let ran = desk.feed(both, r#"{"delassus":[[2,0,0],[0,2,0],[0,0,1]],"u":[1,0,-1]}"#);
     if cfg!(feature = "rerun") {
         done(&ran);
-        assert!(std::fs::read(desk.0.join("x.rrd")).unwrap().starts_with(b"RRF2"));
-        assert!(desk.0.join("x.svg").exists());
+        assert!(std::fs::read(desk.join("x.rrd")).unwrap().starts_with(b"RRF2"));
+        assert!(desk.join("x.svg").exists());
     } else {
         assert_eq!(ran.code, Some(1));
         assert!(ran.err.contains("build carom with the feature rerun"), "{}", ran.err);

@@ -1,6 +1,7 @@
 //! Invalid options and unknown names.
 
 use crate::command_line::desk::*;
+use carom_testing::files::text;
 use serde_json::json;
 
 #[test]
@@ -17,8 +18,8 @@ fn coefficients_out_of_range_are_refused() {
     ] {
         for law in ["all", "frictionless", "energetic"] {
             let impact = format!("impact planar2.urdf --tip tip --normal -1,0,0 --law {law} {options} --states -");
-            refused(desk.run(&impact), message);
-            refused(desk.run(&format!("law --law {law} {options} --problems -")), message);
+            desk.refused(&impact, message);
+            desk.refused(&format!("law --law {law} {options} --problems -"), message);
         }
     }
 }
@@ -36,7 +37,7 @@ fn options_of_tosses_are_checked_before_the_folder_is_read() {
         ("--tolerance 0", "--tolerance 0: it must be positive and finite"),
         ("--contact-step -0.001", "--contact-step -0.001: it must be positive and finite"),
     ] {
-        refused(desk.run(&format!("tosses nowhere {options}")), message);
+        desk.refused(&format!("tosses nowhere {options}"), message);
     }
 }
 
@@ -54,7 +55,7 @@ fn tosses_have_the_tangential_restitution_of_the_option() {
     desk.write("tosses.csv", format!("{head}\n{}\n{}\n", row(0, 0.0), row(1, 0.2)));
     let position = |options: &str| {
         let args = "tosses . --robot ball.urdf --law chatterjee-ruina --restitution 0.5 --friction 9 --json";
-        number(&desk.answers(&format!("{args} {options}"), "")[0]["each"][0]["position"])
+        number(&desk.one(&format!("{args} {options}"))["each"][0]["position"])
     };
     // Without the option it is 0, and −1 gives no friction.
     assert_eq!(position(""), position("--tangential-restitution 0"));
@@ -77,11 +78,11 @@ fn aliases_of_options_and_laws_give_the_same_answers() {
         assert!(help.contains(alias), "{alias} is not in the help");
     }
 
-    let scene = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/planar2.toml")).unwrap();
+    let scene = text("scenes/planar2.toml");
     assert!(scene.contains("law = \"energetic\""), "the scene has another law");
     let run = |law: &str| {
         desk.write("own.toml", scene.replace("\"energetic\"", &format!("\"{law}\"")).replace("../robots/", ""));
-        desk.answers("simulate own.toml --json", "").remove(0)
+        desk.one("simulate own.toml --json")
     };
     assert_eq!(run("stronge"), run("energetic"));
 
@@ -97,10 +98,7 @@ fn aliases_of_options_and_laws_give_the_same_answers() {
         desk.run("map study.toml --out map.csv")
     };
     done(&study("stronge"));
-    assert!(
-        std::fs::read_to_string(desk.0.join("map.csv")).unwrap().contains("energetic"),
-        "the column has the names of the laws"
-    );
+    assert!(desk.read("map.csv").contains("energetic"), "the column has the names of the laws");
     let twice = study("stronge\", \"energetic");
     assert!(twice.err.contains("[impact] law holds \"energetic\" twice"), "{}", twice.err);
 }
@@ -199,8 +197,8 @@ fn unknown_tips_and_joints_are_refused_with_the_existing_names() {
     let follow = r#"<axis xyz="0 0 1"/><mimic joint="continuous_b" multiplier="-2" offset="0.5"/>"#;
     let text = limb("b", "a", "continuous", r#"<axis xyz="0 0 1"/>"#) + &limb("c", "b", "continuous", follow);
     desk.write("r.urdf", robot(&(r#"<link name="a"/>"#.to_owned() + &text)));
-    refused(
-        desk.run("dynamics r.urdf --tip c --joints continuous_b,continuous_c --states -"),
+    desk.refused(
+        "dynamics r.urdf --tip c --joints continuous_b,continuous_c --states -",
         "r.urdf: --joints: joint 'continuous_c' mimics 'continuous_b' and has no coordinate of its own: leave it out",
     );
 }
@@ -297,5 +295,34 @@ fn invalid_joint_models_are_refused() {
         ("--joint-damping x --contact-time 0.1", "invalid value 'x' for '--joint-damping"),
     ] {
         usage(with(options), words);
+    }
+}
+
+#[test]
+fn inertias_of_one_rotor_are_given_once() {
+    let desk = Desk::new();
+    let twice = "--rotor-inertia elbow=0.1 --rotor-inertia shoulder=0.1 --rotor-inertia elbow=0.2";
+    let message = "--rotor-inertia: joint 'elbow' is named twice";
+    let state = json!({"q": UP_ELBOW, "qd": [1, 2]}).to_string();
+    refused(desk.feed(&format!("dynamics planar2.urdf {twice} --states -"), state), message);
+    desk.refused(&format!("inspect planar2.urdf {twice}"), message);
+}
+
+/// Where every state gives the joint velocities, nothing is left for the motion to choose.
+#[test]
+fn a_motion_that_no_state_needs_is_a_warning() {
+    let desk = Desk::new();
+    let args = "impact planar2.urdf --json --tip tip --normal -1,0,0 --law newton --restitution 0.5 --states -";
+    let (own, tip) = (r#"{"q":[0.7,-1.5],"qd":[-0.5,-1]}"#, r#"{"q":[0.7,-1.5],"tip_velocity":[1,0,0]}"#);
+    let warning =
+        "warning: --motion has no effect: it chooses qd where a state gives tip_velocity, and every state gives qd\n";
+    for (options, lines, said) in [
+        ("--motion least-norm", own.to_owned(), warning),
+        ("--motion least-norm", format!("{own}\n{tip}"), ""),
+        ("--motion least-norm", String::new(), ""),
+        ("", own.to_owned(), ""),
+    ] {
+        let ran = desk.feed(&format!("{args} {options}"), &lines);
+        assert_eq!((ran.code, ran.err.as_str()), (Some(0), said), "{options} {lines}");
     }
 }

@@ -28,8 +28,8 @@ fn invalid_states_are_refused_with_their_line() {
     }
     // `impact` checks the same lines in the same way.
     desk.write("s.jsonl", "\n{\"q\":[0,0,0],\"qd\":[0,0]}\n");
-    refused(
-        desk.run("impact planar2.urdf --tip tip --normal -1,0,0 --law newton --restitution 0.5 --states s.jsonl"),
+    desk.refused(
+        "impact planar2.urdf --tip tip --normal -1,0,0 --law newton --restitution 0.5 --states s.jsonl",
         "s.jsonl:2: q has 3 numbers, 2 are needed (shoulder, elbow)",
     );
 }
@@ -184,5 +184,29 @@ fn messages_about_long_texts_are_short() {
     short(desk.run(&format!("dynamics planar2.urdf --tip {long} --states -")), "--tip");
     for line in [format!("{{\"{long}\":1}}"), format!("{{\"q\":\"{long}\"}}"), long.clone()] {
         short(desk.feed("dynamics planar2.urdf --tip tip --states -", line), "a line");
+    }
+}
+
+#[test]
+fn impacts_refuse_velocities_of_a_wrong_length_with_their_line() {
+    let desk = Desk::new();
+    for (options, line, reason) in [
+        ("", r#"{"q":[0.3,0.4],"qd":[]}"#, "qd has 0 numbers, 2 are needed (shoulder, elbow)"),
+        ("", r#"{"q":[0.3,0.4],"qd":[1]}"#, "qd has 1 numbers, 2 are needed (shoulder, elbow)"),
+        (
+            "--joints elbow,shoulder",
+            r#"{"q":[0.3,0.4],"qd":[1,2,3]}"#,
+            "qd has 3 numbers, 2 are needed (shoulder, elbow)",
+        ),
+        (
+            "--floating",
+            r#"{"q":[0,0,0,0,0,0,1,0.3,0.4],"qd":[1,2]}"#,
+            "qd has 2 numbers, 8 are needed (root_joint, shoulder, elbow)",
+        ),
+    ] {
+        let args = format!(
+            "impact planar2.urdf {options} --tip tip --normal -1,0,0 --law newton --restitution 0.5 --states -"
+        );
+        refused(desk.feed(&args, line), &format!("<stdin>:1: {reason}"));
     }
 }

@@ -155,7 +155,7 @@ fn control_characters_of_a_file_do_not_break_the_line_of_a_refusal() {
         ),
     ] {
         desk.write("r.urdf", &text);
-        refused(desk.run("inspect r.urdf --json"), message);
+        desk.refused("inspect r.urdf --json", message);
     }
 }
 
@@ -253,7 +253,7 @@ fn random_and_malformed_files_are_refused_without_a_panic() {
     // Deep nesting of unused elements does not overflow the stack.
     let deep = format!("<link name='a'/>{}{}", "<x>".repeat(50_000), "</x>".repeat(50_000));
     desk.write("r.urdf", robot(&deep));
-    let report = &desk.answers("inspect r.urdf --json", "")[0];
+    let report = &desk.one("inspect r.urdf --json");
     assert_eq!(texts(&report["warnings"]), ["<x> (line 1) is not used: it is unknown"]);
 }
 
@@ -265,7 +265,7 @@ fn names_may_hold_any_character_of_xml() {
     let (elbow, hand) = ("coude d'été \u{1f9be}", "Fußgelenk &\"<");
     let text = arm.replace("continuous_b", elbow).replace(r#""c""#, r#""Fußgelenk &amp;&quot;&lt;""#);
     desk.write("r.urdf", robot(&(r#"<link name="a"/>"#.to_owned() + &text)));
-    let report = &desk.answers("inspect r.urdf --json", "")[0];
+    let report = &desk.one("inspect r.urdf --json");
     assert_eq!((&report["joints"][0]["name"], &report["links"][2]), (&json!(elbow), &json!(hand)));
     let joints = format!("continuous_c,{elbow}");
     let args = ["dynamics", "r.urdf", "--json", "--tip", hand, "--joints", &joints, "--states", "-"];
@@ -286,7 +286,7 @@ fn mimic_planar_and_floating_joints_work_anywhere_in_a_chain() {
         limb("e", "d", "prismatic", r#"<mimic joint="continuous_b" multiplier="-2" offset="0.1"/>"#),
     ];
     desk.write("r.urdf", robot(&text.concat()));
-    let report = &desk.answers("inspect r.urdf --json", "")[0];
+    let report = &desk.one("inspect r.urdf --json");
     assert_eq!((&report["nq"], &report["nv"]), (&json!(11), &json!(10)));
     assert_eq!(report["joints"][3]["mimic"], json!({"joint": "continuous_b", "multiplier": -2.0, "offset": 0.1}));
 
@@ -319,7 +319,7 @@ fn an_impact_on_a_chain_of_two_thousand_links_is_resolved() {
     let limbs: String =
         (1..=n).map(|i| limb(&format!("l{i}"), &format!("l{}", i - 1), "continuous", axis(i))).collect();
     desk.write("r.urdf", robot(&format!(r#"<link name="l0"/>{limbs}"#)));
-    assert_eq!(desk.answers("inspect r.urdf --json", "")[0]["dof"], json!(n));
+    assert_eq!(desk.one("inspect r.urdf --json")["dof"], json!(n));
     let q: Vec<f64> = (0..n).map(|i| 0.1 * (i as f64).sin()).collect();
     let qd: Vec<f64> = (0..n).map(|i| 0.1 * (i as f64).cos()).collect();
     let args = "impact r.urdf --json --tip l2000 --normal 0.2,1,0.3 --law frictionless --restitution 0.5 --states -";

@@ -2,7 +2,7 @@
 
 use crate::command_line::desk::*;
 use serde_json::Value;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// An arm without motors, beside a wall.
 const SCENE: &str = r#"[robot]
@@ -20,10 +20,6 @@ gravity = [0, -9.81, 0]
 duration = 0.6
 "#;
 
-fn numbers(value: &Value) -> Vec<f64> {
-    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
-}
-
 /// The scene's text and the units of all columns are in the metadata, which Parquet files hold as plain text at their end.
 #[test]
 fn parquet_tables_of_runs_hold_their_scene_and_units() {
@@ -38,7 +34,7 @@ fn parquet_tables_of_runs_hold_their_scene_and_units() {
         ("runs", r#""start.qd.elbow":"rad/s","start.qd.shoulder":"rad/s"}"#),
     ];
     for (name, units) in cases {
-        let bytes = std::fs::read(desk.0.join(format!("{name}.parquet"))).unwrap();
+        let bytes = std::fs::read(desk.join(format!("{name}.parquet"))).unwrap();
         let text = String::from_utf8_lossy(&bytes);
         for part in ["carom.version", "carom.units", units, "carom.scene", &scene] {
             assert!(text.contains(part), "{name}: {part}");
@@ -71,13 +67,13 @@ fn a_run_continues_from_the_answer_of_another_one() {
     let desk = Desk::new();
     desk.write("s.toml", SCENE);
     desk.write("half.toml", SCENE.replace("duration = 0.6", "duration = 0.3"));
-    let whole = &desk.answers("simulate s.toml --json", "")[0]["final"];
+    let whole = &desk.one("simulate s.toml --json")["final"];
     let half = desk.run("simulate half.toml --json");
     desk.write("half.json", &half.out);
     let state = &serde_json::from_str::<Value>(&half.out).unwrap()["final"];
     desk.write("state.json", state.to_string());
     for file in ["half.json", "state.json"] {
-        let rest = &desk.answers(&format!("simulate half.toml --from-state {file} --json"), "")[0]["final"];
+        let rest = &desk.one(&format!("simulate half.toml --from-state {file} --json"))["final"];
         assert_eq!(rest["time"].as_f64(), Some(0.6));
         for key in ["q", "qd"] {
             for (a, b) in numbers(&rest[key]).iter().zip(numbers(&whole[key])) {
@@ -87,17 +83,16 @@ fn a_run_continues_from_the_answer_of_another_one() {
         }
     }
     desk.write("bad.json", r#"{"q": [0], "qd": [0, 0]}"#);
-    refused(
-        desk.run("simulate s.toml --from-state bad.json"),
+    desk.refused(
+        "simulate s.toml --from-state bad.json",
         "--from-state bad.json: q has 1 numbers, 2 are needed (shoulder, elbow)",
     );
     desk.write("bad.json", "{}");
-    refused(
-        desk.run("simulate s.toml --from-state bad.json"),
+    desk.refused(
+        "simulate s.toml --from-state bad.json",
         "--from-state bad.json: an object with q and qd, or the answer of carom simulate --json",
     );
-    let missing = desk.run("simulate s.toml --from-state none.json");
-    assert!(missing.code == Some(1) && missing.err.starts_with("error: none.json: cannot be read"), "{missing:?}");
+    refused_with(&desk.run("simulate s.toml --from-state none.json"), "error: none.json: cannot be read");
 }
 
 /// The table of many runs: the same bytes from one thread and from several, run 0 from the start itself, the sizes of the
@@ -114,7 +109,7 @@ fn many_runs_start_as_the_scene_asks_and_do_not_depend_on_threads() {
         assert_eq!(ran.code, Some(0), "{}", ran.err);
         let report: Value = serde_json::from_str(&ran.out).unwrap();
         assert_eq!((report["runs"].as_u64(), report["refused"].as_u64()), (Some(400), Some(0)));
-        tables.push(std::fs::read_to_string(desk.0.join("t.csv")).unwrap());
+        tables.push(desk.read("t.csv"));
     }
     assert_eq!(tables[0], tables[1]);
     let mut lines = tables[0].lines();
@@ -125,7 +120,7 @@ fn many_runs_start_as_the_scene_asks_and_do_not_depend_on_threads() {
         rows.iter().map(|row| row[k].parse().unwrap()).collect()
     };
     assert_eq!(rows.len(), 400);
-    let alone = &desk.answers("simulate s.toml --json", "")[0];
+    let alone = &desk.one("simulate s.toml --json");
     assert_eq!((column("end.q.elbow")[0], column("start.q.elbow")[0]), (numbers(&alone["final"]["q"])[1], -1.5708));
     for (name, mean, size) in
         [("start.q.shoulder", 0.7854, 0.0), ("start.q.elbow", -1.5708, 0.02), ("start.qd.shoulder", -0.2, 0.1)]
@@ -153,8 +148,8 @@ fn runs_that_are_refused_are_counted() {
     let desk = Desk::new();
     let near = SCENE.replace("point = [0.7,", "point = [0.637,");
     desk.write("s.toml", format!("{near}perturb = {{ q = 0.05, distribution = \"uniform\" }}\n"));
-    let report = &desk.answers("simulate s.toml --runs 60 --csv t.csv --json", "")[0];
-    let table = std::fs::read_to_string(desk.0.join("t.csv")).unwrap();
+    let report = &desk.one("simulate s.toml --runs 60 --csv t.csv --json");
+    let table = desk.read("t.csv");
     let marked = table.lines().filter(|line| line.contains(",refused,")).count() as u64;
     assert!(marked > 5 && marked < 55, "{marked}");
     assert_eq!(report["refused"].as_u64(), Some(marked));
@@ -175,15 +170,7 @@ fn an_interrupted_run_leaves_no_file() {
     let desk = Desk::new();
     desk.write("s.toml", SCENE.replace("duration = 0.6", "duration = 1e5\nmax_step = 1e-3"));
     let before = desk.files("");
-    let child = desk.command("simulate s.toml --csv t.csv --contacts c.parquet").spawn().unwrap();
-    let begun = Instant::now();
-    while !desk.files("").contains(&"t.csv.part".to_owned()) {
-        assert!(begun.elapsed() < Duration::from_secs(60), "the run does not begin");
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    let sent = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(sent.success());
-    let ran = finish(child, b"");
+    let ran = desk.interrupted("simulate s.toml --csv t.csv --contacts c.parquet", "t.csv", 0, Duration::ZERO);
     refused(ran, "interrupted: nothing is written");
     assert_eq!(desk.files(""), before);
 }
@@ -197,27 +184,40 @@ fn interrupted_runs_are_kept() {
     desk.write("s.toml", format!("{SCENE}perturb = {{ qd = 0.01 }}\n"));
     for name in ["t.csv", "t.parquet"] {
         let runs = 100_000_000;
-        let child = desk.command(&format!("simulate s.toml --runs {runs} --out {name} --json")).spawn().unwrap();
-        let begun = Instant::now();
-        while !desk.files("").contains(&format!("{name}.part")) {
-            assert!(begun.elapsed() < Duration::from_secs(60), "the runs do not begin");
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        std::thread::sleep(Duration::from_millis(500)); // for some runs
-        let sent = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-        assert!(sent.success());
-        let ran = finish(child, b"");
+        let args = format!("simulate s.toml --runs {runs} --out {name} --json");
+        let ran = desk.interrupted(&args, name, 0, Duration::from_millis(500)); // for some runs
         let report: serde_json::Value = serde_json::from_str(&ran.out).unwrap();
         let count = report["runs"].as_u64().unwrap();
         let partial = name.replace("t.", "t.partial.");
         assert_eq!(ran.code, Some(1));
         assert!(ran.err.contains(&format!("{count} of {runs}")) && ran.err.contains(&partial), "{}", ran.err);
         assert!(count > 0 && !desk.files("").iter().any(|file| file == name || file.ends_with(".part")));
-        let again = &desk.answers(&format!("simulate s.toml --runs {count} --out again.{name} --json"), "")[0];
+        let again = &desk.one(&format!("simulate s.toml --runs {count} --out again.{name} --json"));
         assert_eq!(*again, report);
-        let [kept, whole] = [partial, format!("again.{name}")].map(|file| std::fs::read(desk.0.join(file)).unwrap());
+        let [kept, whole] = [partial, format!("again.{name}")].map(|file| std::fs::read(desk.join(file)).unwrap());
         assert!(kept == whole, "{name}");
     }
+}
+
+/// Runs that are done are kept although a block of rows, of all threads, takes longer than the program runs; resumed amid a block, the table is
+/// that of a run without an interruption.
+#[cfg(unix)]
+#[test]
+fn slow_runs_that_are_done_are_kept() {
+    let desk = Desk::new();
+    let slow = SCENE.replace("duration = 0.6", "duration = 0.6\nmax_step = 2e-5");
+    desk.write("s.toml", format!("{slow}perturb = {{ qd = 0.01 }}\n"));
+    let runs = "simulate s.toml --runs 150 --threads 2 --json --out";
+    desk.one(&format!("{runs} whole.csv"));
+    let ran = desk.interrupted(&format!("{runs} t.csv"), "t.csv", 0, Duration::from_millis(300));
+    assert_eq!(ran.code, Some(1), "{ran:?}: it must be interrupted");
+    let left: serde_json::Value = serde_json::from_str(&ran.out).unwrap();
+    let left = left["runs"].as_u64().unwrap();
+    assert!(0 < left && left < 128, "{left}");
+    let done = desk.one(&format!("{runs} t.csv --resume"));
+    assert_eq!((done["resumed"].as_u64(), done["runs"].as_u64()), (Some(left), Some(150 - left)));
+    let read = |file: &str| std::fs::read(desk.join(file)).unwrap();
+    assert!(read("t.csv") == read("whole.csv"));
 }
 
 /// Rows are functions of their number: shards one after another are the whole table, and so is the table of an interrupted run that goes on.
@@ -227,31 +227,23 @@ fn shards_and_resumed_runs_are_the_whole_table() {
     let desk = Desk::new();
     let numbers = "numbers = { \"contact.restitution\" = 0.05 }";
     desk.write("s.toml", format!("{SCENE}perturb = {{ qd = 0.01, {numbers}, seed = 3 }}\n"));
-    let read = |file: &str| std::fs::read_to_string(desk.0.join(file)).unwrap();
     let runs = 3000;
     desk.one(&format!("simulate s.toml --runs {runs} --out whole.csv --json"));
     let parts = (1..=3).map(|part| {
         let report =
             desk.one(&format!("simulate s.toml --runs {runs} --out part.csv --shard {part}/3 --threads 1 --json"));
         assert_eq!((report["runs"].as_u64(), report["resumed"].as_u64()), (Some(1000), Some(0)));
-        read("part.csv").split_once('\n').unwrap().1.to_owned()
+        desk.read("part.csv").split_once('\n').unwrap().1.to_owned()
     });
     let parts: String = parts.collect();
-    assert_eq!(read("whole.csv").split_once('\n').unwrap().1, parts);
+    assert_eq!(desk.read("whole.csv").split_once('\n').unwrap().1, parts);
 
-    let child = desk.command(&format!("simulate s.toml --runs {runs} --out t.csv --threads 1 --json")).spawn().unwrap();
-    let begun = Instant::now();
-    while !desk.files("").contains(&"t.csv.part".to_owned()) && begun.elapsed() < Duration::from_secs(60) {
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    std::thread::sleep(Duration::from_millis(150));
-    let sent = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(sent.success());
-    let ran = finish(child, b"");
+    let args = format!("simulate s.toml --runs {runs} --out t.csv --threads 1 --json");
+    let ran = desk.interrupted(&args, "t.csv", 0, Duration::from_millis(150));
     assert_eq!(ran.code, Some(1), "{ran:?}: it must be interrupted");
     let done = desk.one(&format!("simulate s.toml --runs {runs} --out t.csv --resume --json"));
     assert_eq!(done["runs"].as_u64().unwrap() + done["resumed"].as_u64().unwrap(), runs);
-    assert!(read("t.csv") == read("whole.csv"));
+    assert!(desk.read("t.csv") == desk.read("whole.csv"));
     assert!(!desk.files("").iter().any(|file| file.contains("partial")));
 
     for (options, why) in [
@@ -290,7 +282,7 @@ fn disturbed_numbers_have_the_covariance_that_the_derivatives_predict() {
         let [sampled, linear] = [sampled[(i, j)], linear[(i, j)]];
         assert!((sampled - linear).abs() < within, "{i} {j}: {sampled} {linear}");
     }
-    let table = std::fs::read_to_string(desk.0.join("t.csv")).unwrap();
+    let table = desk.read("t.csv");
     let names: Vec<&str> = table.lines().next().unwrap().split(',').collect();
     let column = |name: &str| -> Vec<f64> {
         let k = names.iter().position(|own| *own == name).unwrap_or_else(|| panic!("{name} in {names:?}"));
@@ -313,14 +305,8 @@ fn disturbed_numbers_have_the_covariance_that_the_derivatives_predict() {
     }
 
     desk.write("s.toml", format!("{SCENE}perturb = {{ q = 1e-4, {uniform} }}\n"));
-    let ran = desk.run("simulate s.toml --runs 3");
-    assert!(
-        ran.code == Some(1) && ran.err.contains("contact.restitution, which is not among perturb.numbers"),
-        "{}",
-        ran.err
-    );
+    refused_with(&desk.run("simulate s.toml --runs 3"), "contact.restitution, which is not among perturb.numbers");
     desk.write("s.toml", format!("{SCENE}perturb = {{ numbers = {{ \"contact.restitutoin\" = 1e-3 }} }}\n"));
     let ran = desk.run("simulate s.toml --runs 3");
-    assert!(ran.code == Some(1) && ran.err.contains("s.toml: --runs: [run] perturb.numbers: "), "{}", ran.err);
-    assert!(ran.err.contains("restitutoin"), "{}", ran.err);
+    ["s.toml: --runs: [run] perturb.numbers: ", "restitutoin"].iter().for_each(|words| refused_with(&ran, words));
 }

@@ -7,10 +7,10 @@ use serde_json::Value;
 fn stress_writes_its_table_as_markdown_json_and_svg() {
     let desk = Desk::new();
     let ran = desk.run("stress --out table --scene jam");
-    assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
+    done(&ran);
     assert!(ran.out.contains("8 exact\n") && ran.out.ends_with("the table is table/stress.md\n"), "{}", ran.out);
     assert_eq!(desk.files("table"), ["stress.json", "stress.md", "stress.svg"]);
-    let read = |name: &str| std::fs::read_to_string(desk.0.join("table").join(name)).unwrap();
+    let read = |name: &str| desk.read(&format!("table/{name}"));
     let json: Value = serde_json::from_str(&read("stress.json")).unwrap();
     assert_eq!(json["methods"].as_array().unwrap().len(), 15);
     let cells = json["scenes"][0]["cells"].as_array().unwrap();
@@ -57,9 +57,9 @@ fn a_chart_contains_every_method_and_the_peers() {
     let desk = Desk::new();
     desk.write("wall.toml", SCENE);
     desk.write("peers.jsonl", PEERS);
-    std::fs::create_dir(desk.0.join("c")).unwrap();
+    std::fs::create_dir(desk.join("c")).unwrap();
     let ran = desk.run("chart wall.toml --out c/wall.svg --peers peers.jsonl --budget 0.1 --json");
-    assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
+    done(&ran);
     let chart: Value = serde_json::from_str(&ran.out).unwrap();
     let runs = chart["runs"].as_array().unwrap();
     let of = |method: &str| -> Vec<&Value> { runs.iter().filter(|run| run["method"] == method).collect() };
@@ -86,9 +86,9 @@ fn a_chart_contains_every_method_and_the_peers() {
     assert_eq!(chart["absent"][0]["method"], "y 2, default");
     assert_eq!(chart["absent"][0]["reason"], "dt = 0.001: no rebound");
     assert_eq!(desk.files("c"), ["wall.csv", "wall.svg"]);
-    let table = std::fs::read_to_string(desk.0.join("c/wall.csv")).unwrap();
+    let table = desk.read("c/wall.csv");
     assert_eq!(table.lines().count(), 1 + runs.len());
-    let picture = std::fs::read_to_string(desk.0.join("c/wall.svg")).unwrap();
+    let picture = desk.read("c/wall.svg");
     assert!(picture.contains("not run: y 2, default") && picture.contains("error of the reference solution"));
     assert!(picture.contains("e with a friction cone") && picture.contains("Errors are relative to the reference"));
 }
@@ -98,16 +98,16 @@ fn a_chart_of_stiffness_draws_both_errors_beside_the_order_in_theory() {
     let desk = Desk::new();
     let soft = SCENE.replace("[contact]\n", "[contact]\ncompliance = { stiffness = 1e6, exponent = 1 }\n");
     desk.write("wall.toml", &soft);
-    std::fs::create_dir(desk.0.join("c")).unwrap();
+    std::fs::create_dir(desk.join("c")).unwrap();
     let ran = desk.run("chart wall.toml --stiffness --out c/soft.svg --json");
-    assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
+    done(&ran);
     let chart: Value = serde_json::from_str(&ran.out).unwrap();
     assert_eq!(chart["theory"], 0.5);
     assert!((chart["order_after_impact"].as_f64().unwrap() - 0.5).abs() < 0.05, "{chart}");
     assert_eq!(desk.files("c"), ["soft.csv", "soft.svg"]);
-    let table = std::fs::read_to_string(desk.0.join("c/soft.csv")).unwrap();
+    let table = desk.read("c/soft.csv");
     assert_eq!(table.lines().count(), 1 + chart["runs"].as_array().unwrap().len());
-    let picture = std::fs::read_to_string(desk.0.join("c/soft.svg")).unwrap();
+    let picture = desk.read("c/soft.svg");
     assert!(picture.contains("order in theory: 0.500") && picture.contains("factor of all stiffnesses"));
     let plan: Value = serde_json::from_str(&desk.run("plan wall.toml --json").out).unwrap();
     let kept = plan["kept"].as_array().unwrap();
@@ -129,7 +129,7 @@ fn few_methods_of_a_computed_chart_are_drawn_with_their_names() {
     desk.write("wall.csv", TABLE);
     let ran = desk.run("chart --from wall.csv --out wall.svg --show events=carom --show steps --show other=peer");
     assert_eq!((ran.code, ran.out.as_str(), ran.err.as_str()), (Some(0), "", ""));
-    let picture = std::fs::read_to_string(desk.0.join("wall.svg")).unwrap();
+    let picture = desk.read("wall.svg");
     // In both panels, since two of the methods have an error after the impact; there `events` has none.
     let places = |name: &str| -> Vec<[f64; 2]> {
         let line = format!("\n{name}\n");
@@ -147,6 +147,12 @@ fn few_methods_of_a_computed_chart_are_drawn_with_their_names() {
     for (one, other) in places("steps").iter().zip(places("peer")) {
         assert!((one[0] - other[0]).abs() <= 1.0 && (one[1] - other[1]).abs() >= 17.0, "{one:?} {other:?}");
     }
+    // A single method, in the panels for which it has data.
+    for (method, panels) in [("steps", 2), ("events", 1)] {
+        desk.run(&format!("chart --from wall.csv --out one.svg --show {method}"));
+        let picture = std::fs::read_to_string(desk.join("one.svg")).unwrap();
+        assert_eq!(picture.matches(&format!("\n{method}\n")).count(), panels, "{method}");
+    }
     let wrong = TABLE.replace("1e-5,,1e-12", "0,,1e-12");
     desk.write("wrong.csv", &wrong);
     for (args, message) in [
@@ -155,7 +161,7 @@ fn few_methods_of_a_computed_chart_are_drawn_with_their_names() {
     ] {
         let ran = desk.run(&format!("chart --out w.svg --from {args}"));
         assert_eq!((ran.code, ran.err), (Some(1), format!("error: {message}\n")));
-        assert!(!desk.0.join("w.svg").exists());
+        assert!(!desk.join("w.svg").exists());
     }
 }
 
@@ -163,7 +169,10 @@ fn few_methods_of_a_computed_chart_are_drawn_with_their_names() {
 fn chart_refuses_invalid_options_and_files() {
     let desk = Desk::new();
     desk.write("wall.toml", SCENE);
+    desk.write("accurate.toml", format!("{SCENE}accuracy = 1e-8\n"));
     desk.write("broken.jsonl", "{\"scene\":\"wall\"}\n");
+    let ran = desk.run("chart wall.toml --out w.svg --show anything");
+    assert!(ran.code == Some(2) && ran.err.contains("'[SCENE.toml]' cannot be used with"), "{ran:?}");
     for (args, message) in [
         ("wall.toml --out wall.png", "--out wall.png: give a file that ends in .svg"),
         ("wall.toml --out w.svg --budget 0", "--budget 0: give a number of seconds above 0"),
@@ -171,12 +180,17 @@ fn chart_refuses_invalid_options_and_files() {
             "wall.toml --out w.svg --stiffness",
             "--stiffness: the scene has no compliant contact: give [contact], a surface or a pair the key compliance",
         ),
+        (
+            "accurate.toml --out w.svg",
+            "accurate.toml: [run] accuracy = 1e-8: simulate and plan choose a tolerance that meets it, other commands and functions do not: \
+             give tolerance",
+        ),
         ("no.toml --out w.svg", "no.toml: cannot be read: No such file or directory (os error 2)"),
         ("wall.toml --out w.svg --peers no.jsonl", "no.jsonl: cannot be read: No such file or directory (os error 2)"),
         ("wall.toml --out w.svg --peers broken.jsonl", "broken.jsonl:1: missing field `peer` at line 1 column 16"),
     ] {
         let ran = desk.run(&format!("chart {args}"));
         assert_eq!((ran.code, ran.err), (Some(1), format!("error: {message}\n")));
-        assert!(!desk.0.join("w.svg").exists() && ran.out.is_empty());
+        assert!(!desk.join("w.svg").exists() && ran.out.is_empty());
     }
 }

@@ -1,7 +1,7 @@
 //! Random bodies and poses; the tests fix the seeds.
 
+use carom_chain::FrameId;
 use carom_chain::urdf::{Collision, Shape};
-use carom_chain::{FrameId, Spatial, algebra::Pose};
 use carom_contact::{LinkShape, Mesh, Obstacle};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -22,10 +22,6 @@ pub fn unit(rng: &mut fastrand::Rng) -> Vector3<f64> {
 pub fn isometry(rng: &mut fastrand::Rng, spread: f64) -> Isometry3<f64> {
     let turn = UnitQuaternion::from_scaled_axis(unit(rng) * rng.f64() * 3.0);
     Isometry3::from_parts(Translation3::from(vector(rng, spread)), turn)
-}
-
-pub fn pose(isometry: &Isometry3<f64>) -> Pose<Spatial<f64>> {
-    Pose { rotation: isometry.rotation.to_rotation_matrix().into_inner(), translation: isometry.translation.vector }
 }
 
 /// An arbitrary frame: these tests place the shapes themselves.

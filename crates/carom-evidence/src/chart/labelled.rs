@@ -3,7 +3,7 @@
 use super::picture::{FLOOR, power};
 use super::{Run, from_csv};
 use crate::EvidenceError;
-use plotters::coord::Shift;
+use crate::drawing::{Area, Drawn, sure_picture};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::path::Path;
@@ -30,16 +30,16 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
 ];
 
-type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
 type Line = (String, RGBColor, Vec<(f64, f64)>);
 type Error = fn(&Run) -> Option<f64>;
 
 /// Draws methods of a table that `Chart::csv` has written as SVG: error of q̇ after the first impact and error at the end, each over
-/// the time of the whole run. `shown` has a method each, or METHOD=NAME with its name in the picture. A panel for which at most one of
-/// the methods has data is left out.
+/// the time of the whole run. `shown` has a method each, or METHOD=NAME with its name in the picture. A panel is left out if none of the
+/// methods, or only one of several, has data for it.
 ///
 /// # Errors
-/// [`EvidenceError`]: the table cannot be read, has no such method, or more methods are shown than there are colours.
+/// [`EvidenceError`]: the table cannot be read, has no such method or no errors of the methods, or more methods are shown than there are
+/// colours.
 pub fn redraw(table: &Path, shown: &[String], title: &str) -> Result<String, EvidenceError> {
     let name = table.display();
     let text = std::fs::read_to_string(table);
@@ -60,10 +60,11 @@ pub fn redraw(table: &Path, shown: &[String], title: &str) -> Result<String, Evi
         }
         named.push((method, label));
     }
-    Ok(svg(&runs, &named, title))
+    svg(&runs, &named, title)
+        .ok_or_else(|| EvidenceError::new(format!("--from {name}: it has no errors of --show {}", shown.join(", "))))
 }
 
-fn svg(runs: &[Run], shown: &[(&str, &str)], title: &str) -> String {
+fn svg(runs: &[Run], shown: &[(&str, &str)], title: &str) -> Option<String> {
     let lines = |error: Error| -> Vec<Line> {
         let all = shown.iter().zip(COLOURS).map(|((method, name), colour)| {
             let own = runs.iter().filter(|run| run.method == *method);
@@ -77,28 +78,21 @@ fn svg(runs: &[Run], shown: &[(&str, &str)], title: &str) -> String {
         ("error of q and q̇ at the end", |run| run.at_end),
     ];
     let mut drawn: Vec<(&str, Vec<Line>)> = panels.iter().map(|&(what, error)| (what, lines(error))).collect();
-    drawn.retain(|(_, lines)| lines.len() > 1);
-    let mut text = String::new();
-    let size = (PANEL.0 * (drawn.len() as u32).max(1), PANEL.1 + HEAD);
-    let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
-    let result = draw(&root, &drawn, title);
-    drop(root);
-    // drawing into a string does not fail
-    debug_assert!(result.is_ok(), "{result:?}");
-    text
+    drawn.retain(|(_, lines)| lines.len() >= shown.len().min(2) && !lines.is_empty());
+    let size = (PANEL.0 * drawn.len() as u32, PANEL.1 + HEAD);
+    (!drawn.is_empty()).then(|| sure_picture(size, |root| draw(root, &drawn, title)))
 }
 
-fn draw<'a>(root: &DrawingArea<SVGBackend<'a>, Shift>, panels: &[(&str, Vec<Line>)], title: &str) -> Drawn<'a> {
-    root.fill(&WHITE)?;
+fn draw(root: &Area, panels: &[(&str, Vec<Line>)], title: &str) -> Drawn {
     let (head, below) = root.split_vertically(HEAD);
     head.draw(&Text::new(title, (14, 8), ("sans-serif", TEXT + 3).into_font().color(&BLACK)))?;
-    for (area, (what, lines)) in below.split_evenly((1, panels.len().max(1))).iter().zip(panels) {
+    for (area, (what, lines)) in below.split_evenly((1, panels.len())).iter().zip(panels) {
         panel(area, what, lines)?;
     }
-    root.present()
+    Ok(())
 }
 
-fn panel<'a>(area: &DrawingArea<SVGBackend<'a>, Shift>, what: &str, lines: &[Line]) -> Drawn<'a> {
+fn panel(area: &Area, what: &str, lines: &[Line]) -> Drawn {
     let range = |of: fn(&(f64, f64)) -> f64| {
         let all = lines.iter().flat_map(|line| line.2.iter().map(of));
         all.fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)))

@@ -2,7 +2,7 @@
 
 use super::stiffness::Stiffened;
 use super::{Chart, Run, StiffnessChart, knob_value};
-use plotters::coord::Shift;
+use crate::drawing::{Area, Drawn, sure_picture};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -18,7 +18,6 @@ const DOUBT: RGBColor = RGBColor(110, 110, 110);
 impl Chart {
     /// Draws the chart as SVG. `title` is the name of the scene.
     pub fn svg(&self, title: &str) -> String {
-        let mut text = String::new();
         let mut methods: Vec<&str> = Vec::new();
         for run in &self.runs {
             if !methods.contains(&run.method.as_str()) {
@@ -27,19 +26,12 @@ impl Chart {
         }
         let rows = (methods.len() + 1).div_ceil(2) + 2 + self.absent.len();
         let size = (2 * PANEL.0, PANEL.1 + 46 + (LINE * rows as i32) as u32);
-        let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
-        let drawn = draw(&root, self, title, &methods);
-        drop(root);
-        // drawing into a string does not fail
-        debug_assert!(drawn.is_ok(), "{drawn:?}");
-        text
+        sure_picture(size, |root| draw(root, self, title, &methods))
     }
 }
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// An error of a run.
 type Error = fn(&Run) -> Option<f64>;
-type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
 
 /// Hues a golden angle apart, which differ clearly between neighbours in the list; every other one darker.
 fn colour(k: usize) -> RGBColor {
@@ -93,8 +85,7 @@ fn mark((x, y): (i32, i32), (corners, turn): (i32, f64)) -> Vec<(i32, i32)> {
     (0..corners).map(corner).collect()
 }
 
-fn draw<'a>(root: &Area<'a>, chart: &Chart, title: &str, methods: &[&str]) -> Drawn<'a> {
-    root.fill(&WHITE)?;
+fn draw(root: &Area, chart: &Chart, title: &str, methods: &[&str]) -> Drawn {
     let font = |size: i32| ("sans-serif", size).into_font().color(&BLACK);
     let (panels, below) = root.split_vertically(PANEL.1 + 30);
     let (head, panels) = panels.split_vertically(30);
@@ -145,17 +136,17 @@ fn draw<'a>(root: &Area<'a>, chart: &Chart, title: &str, methods: &[&str]) -> Dr
         let line = format!("not run: {}: {reason}", absent.method);
         below.draw(&Text::new(line, (20, from + LINE * k as i32), text.clone()))?;
     }
-    root.present()
+    Ok(())
 }
 
-fn panel<'a>(
-    area: &Area<'a>,
+fn panel(
+    area: &Area,
     chart: &Chart,
     methods: &[(&str, Look)],
     what: &str,
     doubt: Option<f64>,
     [error, estimate]: [Error; 2],
-) -> Drawn<'a> {
+) -> Drawn {
     let curve = |method: &str, error: Error| -> Vec<(f64, f64)> {
         let own = chart.runs.iter().filter(|run| run.method == method);
         own.filter_map(|run| Some((run.wall_time * 1e3, error(run)?.max(FLOOR)))).collect()
@@ -164,7 +155,7 @@ fn panel<'a>(
     let all: Vec<(f64, f64)> = all.collect();
     if all.is_empty() {
         let font = ("sans-serif", 14).into_font().color(&BLACK);
-        return area.draw(&Text::new(format!("{what}: no data"), (60, 60), font));
+        return Ok(area.draw(&Text::new(format!("{what}: no data"), (60, 60), font))?);
     }
     let range = |of: fn(&(f64, f64)) -> f64, room: f64| {
         let (low, high) = all.iter().map(of).fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
@@ -207,18 +198,11 @@ impl StiffnessChart {
     /// Draws the errors over the factor of the stiffness as SVG, with a line of the order in theory. `title` is the name of the
     /// scene.
     pub fn svg(&self, title: &str) -> String {
-        let mut text = String::new();
-        let root = SVGBackend::with_string(&mut text, (PANEL.0 + 300, PANEL.1)).into_drawing_area();
-        let drawn = draw_stiffness(&root, self, title);
-        drop(root);
-        // drawing into a string does not fail
-        debug_assert!(drawn.is_ok(), "{drawn:?}");
-        text
+        sure_picture((PANEL.0 + 300, PANEL.1), |root| draw_stiffness(root, self, title))
     }
 }
 
-fn draw_stiffness<'a>(root: &Area<'a>, chart: &StiffnessChart, title: &str) -> Drawn<'a> {
-    root.fill(&WHITE)?;
+fn draw_stiffness(root: &Area, chart: &StiffnessChart, title: &str) -> Drawn {
     type Error = fn(&Stiffened) -> Option<f64>;
     let errors: [(&str, Error, Option<f64>); 2] = [
         ("q̇ at the end of the first contact", |run| run.after_impact, chart.order_after_impact),
@@ -231,7 +215,7 @@ fn draw_stiffness<'a>(root: &Area<'a>, chart: &StiffnessChart, title: &str) -> D
     let font = |size: i32| ("sans-serif", size).into_font().color(&BLACK);
     let (Some(first), Some(last)) = (chart.runs.first(), chart.runs.last()) else { return Ok(()) };
     if all.is_empty() {
-        return root.draw(&Text::new(format!("{title}: no data"), (60, 60), font(14)));
+        return Ok(root.draw(&Text::new(format!("{title}: no data"), (60, 60), font(14)))?);
     }
     let (low, high) = all.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), (_, y)| (low.min(*y), high.max(*y)));
     let (left, right) = root.split_horizontally(PANEL.0);
@@ -269,7 +253,7 @@ fn draw_stiffness<'a>(root: &Area<'a>, chart: &StiffnessChart, title: &str) -> D
         right.draw(&PathElement::new([(4, y), (22, y)], colour.stroke_width(3)))?;
         right.draw(&Text::new(name, (28, y), text.clone()))?;
     }
-    root.present()
+    Ok(())
 }
 
 /// Label of a number on a logarithmic axis: 1, 2 and 5 of each decade, an empty text for others.

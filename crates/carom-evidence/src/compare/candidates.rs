@@ -88,113 +88,73 @@ pub(super) enum Parameter {
 }
 
 impl Effect {
-    /// Name of the effect.
-    pub fn name(self) -> &'static str {
+    /// Its name, and the parameters that it has.
+    fn facts(self) -> (&'static str, &'static [Parameter]) {
+        use Parameter::{
+            AngleError, Damping, DryFriction, Exponent, Growth, Height, Mass, Offset, Radius, SecondMoment,
+        };
         match self {
-            Self::Speed => "speed",
-            Self::Arm => "arm",
-            Self::Strikes => "strikes",
-            Self::Corners => "corners",
-            Self::Hinge => "hinge",
-            Self::Inertia => "inertia",
-            Self::Masses => "masses",
-            Self::Placement => "placement",
-            Self::Floor => "floor",
-            Self::Errors => "errors",
-            Self::Rotors => "rotors",
-            Self::Rods => "rods",
-            Self::Springs => "springs",
-            Self::Toe => "toe",
+            Self::Speed => ("speed", &[Exponent]),
+            Self::Arm => ("arm", &[Parameter::Arm]),
+            Self::Strikes => ("strikes", &[]),
+            Self::Corners => ("corners", &[Radius, Growth]),
+            Self::Hinge => ("hinge", &[Damping, DryFriction]),
+            Self::Inertia => ("inertia", &[SecondMoment(0), SecondMoment(1), SecondMoment(2)]),
+            Self::Masses => ("masses", &[SecondMoment(0), SecondMoment(1), SecondMoment(2), Mass]),
+            Self::Placement => ("placement", &[Offset(0), Offset(1), Offset(2)]),
+            Self::Floor => ("floor", &[Height]),
+            Self::Errors => ("errors", &[AngleError]),
+            Self::Rotors => ("rotors", &[]),
+            Self::Rods => ("rods", &[]),
+            Self::Springs => ("springs", &[]),
+            Self::Toe => ("toe", &[Parameter::ToeInertia]),
         }
     }
 
-    fn parameters(self) -> &'static [Parameter] {
-        match self {
-            Self::Speed => &[Parameter::Exponent],
-            Self::Arm => &[Parameter::Arm],
-            Self::Strikes | Self::Rotors | Self::Rods | Self::Springs => &[],
-            Self::Corners => &[Parameter::Radius, Parameter::Growth],
-            Self::Hinge => &[Parameter::Damping, Parameter::DryFriction],
-            Self::Inertia => &[Parameter::SecondMoment(0), Parameter::SecondMoment(1), Parameter::SecondMoment(2)],
-            Self::Masses => {
-                &[Parameter::SecondMoment(0), Parameter::SecondMoment(1), Parameter::SecondMoment(2), Parameter::Mass]
-            }
-            Self::Placement => &[Parameter::Offset(0), Parameter::Offset(1), Parameter::Offset(2)],
-            Self::Floor => &[Parameter::Height],
-            Self::Errors => &[Parameter::AngleError],
-            Self::Toe => &[Parameter::ToeInertia],
-        }
+    /// Name of the effect.
+    pub fn name(self) -> &'static str {
+        self.facts().0
     }
 }
 
 impl Parameter {
-    pub fn name(self) -> &'static str {
+    /// Its name, its symbol in tables, and the ends of the search; of friction the upper one is an option.
+    fn facts(self) -> (&'static str, &'static str, (f64, f64)) {
         match self {
-            Self::Restitution => "restitution",
-            Self::Friction => "friction",
-            Self::Tangential => "tangential_restitution",
-            Self::Exponent => "speed_exponent",
-            Self::Arm => "arm",
-            Self::Radius => "corner_radius",
-            Self::Growth => "edge_growth",
-            Self::Damping => "damping",
-            Self::DryFriction => "dry_friction",
-            Self::SecondMoment(0) => "second_moment_x",
-            Self::SecondMoment(1) => "second_moment_y",
-            Self::SecondMoment(_) => "second_moment_z",
-            Self::Mass => "mass",
-            Self::Offset(0) => "offset_x",
-            Self::Offset(1) => "offset_y",
-            Self::Offset(_) => "offset_z",
-            Self::Height => "floor_height",
-            Self::AngleError => "angle_error",
-            Self::ToeInertia => "toe_inertia",
+            Self::Restitution => ("restitution", "e", (0.0, 1.0)),
+            Self::Friction => ("friction", "μ", (0.0, f64::INFINITY)),
+            Self::Tangential => ("tangential_restitution", "e_t", (-1.0, 1.0)),
+            Self::Exponent => ("speed_exponent", "ν", (-0.5, 0.5)),
+            Self::Arm => ("arm", "arm", (-1.5, 1.5)),
+            Self::Radius => ("corner_radius", "radius", (0.0, 0.015)),
+            Self::Growth => ("edge_growth", "growth", (-0.01, 0.01)),
+            Self::Damping => ("damping", "damping", (0.0, 0.01)),
+            Self::DryFriction => ("dry_friction", "dry friction", (0.0, 0.05)),
+            Self::SecondMoment(0) => ("second_moment_x", "Σ_x", (0.05, 3.0)),
+            Self::SecondMoment(1) => ("second_moment_y", "Σ_y", (0.05, 3.0)),
+            Self::SecondMoment(_) => ("second_moment_z", "Σ_z", (0.05, 3.0)),
+            Self::Mass => ("mass", "mass", (0.2, 2.0)),
+            Self::Offset(0) => ("offset_x", "offset x", (-0.015, 0.015)),
+            Self::Offset(1) => ("offset_y", "y", (-0.015, 0.015)),
+            Self::Offset(_) => ("offset_z", "z", (-0.015, 0.015)),
+            Self::Height => ("floor_height", "floor", (-0.01, 0.01)),
+            Self::AngleError => ("angle_error", "angle error", (0.0, 0.12)),
+            Self::ToeInertia => ("toe_inertia", "toe", (0.0, 0.5)),
         }
+    }
+
+    pub fn name(self) -> &'static str {
+        self.facts().0
     }
 
     /// Symbol in tables, with the unit of the number.
     pub fn symbol(self) -> &'static str {
-        match self {
-            Self::Restitution => "e",
-            Self::Friction => "μ",
-            Self::Tangential => "e_t",
-            Self::Exponent => "ν",
-            Self::Arm => "arm",
-            Self::Radius => "radius",
-            Self::Growth => "growth",
-            Self::Damping => "damping",
-            Self::DryFriction => "dry friction",
-            Self::SecondMoment(0) => "Σ_x",
-            Self::SecondMoment(1) => "Σ_y",
-            Self::SecondMoment(_) => "Σ_z",
-            Self::Mass => "mass",
-            Self::Offset(0) => "offset x",
-            Self::Offset(1) => "y",
-            Self::Offset(_) => "z",
-            Self::Height => "floor",
-            Self::AngleError => "angle error",
-            Self::ToeInertia => "toe",
-        }
+        self.facts().1
     }
 
     fn bounds(self, max_friction: f64) -> (f64, f64) {
-        match self {
-            Self::Restitution => (0.0, 1.0),
-            Self::Friction => (0.0, max_friction),
-            Self::Tangential => (-1.0, 1.0),
-            Self::Exponent => (-0.5, 0.5),
-            Self::Arm => (-1.5, 1.5),
-            Self::Radius => (0.0, 0.015),
-            Self::Growth => (-0.01, 0.01),
-            Self::Damping => (0.0, 0.01),
-            Self::DryFriction => (0.0, 0.05),
-            Self::SecondMoment(_) => (0.05, 3.0),
-            Self::Mass => (0.2, 2.0),
-            Self::Offset(_) => (-0.015, 0.015),
-            Self::Height => (-0.01, 0.01),
-            Self::AngleError => (0.0, 0.12),
-            Self::ToeInertia => (0.0, 0.5),
-        }
+        let (low, high) = self.facts().2;
+        (low, if self == Self::Friction { max_friction } else { high })
     }
 
     fn grid(self, max_friction: f64) -> Vec<f64> {
@@ -256,7 +216,7 @@ impl Candidate {
     pub fn with(&self, effect: Effect) -> Self {
         let mut more = self.clone();
         more.effects.push(effect);
-        more.parameters.extend(effect.parameters());
+        more.parameters.extend(effect.facts().1);
         more
     }
 

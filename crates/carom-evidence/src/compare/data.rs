@@ -13,10 +13,10 @@ use super::candidates::Effect;
 use super::impact::Impact;
 use super::landings::{self, Landings};
 use super::planar::{GRAVITY, PlanarImpact, Sequel, lowest_corner};
-use crate::EvidenceError;
+use crate::{EvidenceError, halved};
 use carom_chain::urdf::{self, LoadOptions, Robot};
 use carom_study::fit::{FitError, MeasuredImpact};
-use carom_study::tosses::{TossError, Tosses, urdf_of};
+use carom_study::tosses::{TossError, Tosses, finite, urdf_of};
 use nalgebra::Vector3;
 use std::collections::HashMap;
 use std::f64::consts::FRAC_PI_2;
@@ -142,32 +142,24 @@ fn table(path: &Path, options: &LoadOptions) -> Result<Option<DataSet>, Evidence
     let mut reader = csv::Reader::from_path(path).map_err(|e| refuse(e.to_string()))?;
     let header = reader.headers().map_err(|e| refuse(e.to_string()))?.clone();
     let column = |name: &str| header.iter().position(|it| it.trim() == name);
-    let (kind, names): (Kind, &[&str]) = if ELLIPSE.iter().all(|name| column(name).is_some()) {
-        (Kind::Ellipse, &ELLIPSE)
-    } else if SQUARE.iter().all(|name| column(name).is_some()) {
-        (Kind::Square, &SQUARE)
-    } else if landings::is_log(&header.iter().map(str::trim).collect::<Vec<_>>()) {
-        return landed(path, options).map(Some);
-    } else {
-        return Ok(None);
+    let Some(kind) = KINDS.iter().find(|kind| kind.columns.iter().all(|name| column(name).is_some())) else {
+        let is_log = landings::is_log(&header.iter().map(str::trim).collect::<Vec<_>>());
+        return is_log.then(|| landed(path, options)).transpose();
     };
-    let at: HashMap<&str, usize> = names.iter().filter_map(|&name| Some((name, column(name)?))).collect();
+    let at: HashMap<&str, usize> = kind.columns.iter().filter_map(|&name| Some((name, column(name)?))).collect();
     let (mut numbers, mut impacts, mut left_out) = (Vec::new(), Vec::new(), 0);
     for (k, record) in reader.records().enumerate() {
         let line = k + 2;
         let record = record.map_err(|e| refuse(e.to_string()))?;
         let mut row = HashMap::new();
         for (&name, &place) in &at {
-            let text = record.get(place).unwrap_or("").trim();
-            let value = text.parse::<f64>().ok().filter(|x| x.is_finite());
-            let rule = || refuse(format!("line {line}, column {name}: '{text}' is not a finite number"));
-            row.insert(name, value.ok_or_else(rule)?);
+            row.insert(name, finite(&record, &header, line, place).map_err(refuse)?);
         }
-        match kind.impact(&row) {
+        match (kind.impact)(&row) {
             // the problem of the impact must be one that laws resolve
             Some(impact) => match impact.measured(1.0) {
                 Ok(_) => {
-                    numbers.push(row[names[0]] as i64);
+                    numbers.push(row[kind.columns[0]] as i64);
                     impacts.push(Impact::Planar(impact));
                 }
                 Err(FitError::NoApproach { .. }) => left_out += 1,
@@ -176,7 +168,7 @@ fn table(path: &Path, options: &LoadOptions) -> Result<Option<DataSet>, Evidence
             None => left_out += 1,
         }
     }
-    let (what, effects) = (kind.what(), kind.effects());
+    let Kind { what, effects, .. } = *kind;
     let data = Data::Impacts(Impacts { what, measure: IN_ENERGY, numbers, impacts, effects, left_out });
     Ok(Some(DataSet { name: named(path), data }))
 }
@@ -194,16 +186,51 @@ fn with_end<'a>(entries: &'a [PathBuf], end: &'a str) -> impl Iterator<Item = &'
     entries.iter().filter(move |path| path.extension().is_some_and(|e| e == end))
 }
 
-#[derive(Debug, Clone, Copy)]
-enum Kind {
-    Ellipse,
-    Square,
+/// A kind of table of single impacts.
+struct Kind {
+    /// Its columns; the first one has the numbers of the impacts.
+    columns: &'static [&'static str],
+    what: &'static str,
+    /// The effects that are tried, each in addition to those before it.
+    effects: &'static [Effect],
+    /// The impact of a row; `None` if it is not compared.
+    impact: fn(&HashMap<&str, f64>) -> Option<PlanarImpact>,
 }
 
-const ELLIPSE: [&str; 13] =
-    ["i", "pre_vx", "pre_vy", "pre_w", "post_vx", "post_vy", "post_w", "d_x", "d_y", "d_th", "n_x", "n_y", "n_th"];
-const SQUARE: [&str; 11] =
-    ["drop", "n_post", "pre_x", "pre_z", "pre_th", "pre_vx", "pre_vz", "pre_w", "post_vx", "post_vz", "post_w"];
+static KINDS: [Kind; 2] = [
+    Kind {
+        columns: &[
+            "i", "pre_vx", "pre_vy", "pre_w", "post_vx", "post_vy", "post_w", "d_x", "d_y", "d_th", "n_x", "n_y",
+            "n_th",
+        ],
+        what: "impacts of a planar ellipse",
+        effects: &[Effect::Arm, Effect::Speed],
+        impact: |row| {
+            let rows = [of(row, ["d_x", "d_y", "d_th"]), of(row, ["n_x", "n_y", "n_th"])];
+            let before = of(row, ["pre_vx", "pre_vy", "pre_w"]);
+            let after = of(row, ["post_vx", "post_vy", "post_w"]);
+            let impact = PlanarImpact { body: ELLIPSE_BODY, rows, before, after, sequel: None };
+            passive(ELLIPSE_BODY, before, after).then_some(impact)
+        },
+    },
+    Kind {
+        columns: &[
+            "drop", "n_post", "pre_x", "pre_z", "pre_th", "pre_vx", "pre_vz", "pre_w", "post_vx", "post_vz", "post_w",
+        ],
+        what: "first impacts of a dropped square, tilted by more than 20°",
+        effects: &[Effect::Strikes, Effect::Speed],
+        impact: |row| {
+            let before = of(row, ["pre_vx", "pre_vz", "pre_w"]);
+            let after = of(row, ["post_vx", "post_vz", "post_w"]);
+            struck_square(of(row, ["pre_x", "pre_z", "pre_th"]), before, after, row["n_post"])
+        },
+    },
+];
+
+/// Three columns of a row.
+fn of(row: &HashMap<&str, f64>, names: [&str; 3]) -> Vector3<f64> {
+    Vector3::from(names.map(|name| row[name]))
+}
 
 /// Mass (kg) and moment of inertia (kg m²) of the ellipse.
 const ELLIPSE_BODY: (f64, f64) = (0.0364, 1.3468e-5);
@@ -223,40 +250,6 @@ const FIRST: f64 = 1.5;
 /// Most samples that a flight after an impact can have.
 const SAMPLES: f64 = 1000.0;
 
-impl Kind {
-    fn what(self) -> &'static str {
-        match self {
-            Self::Ellipse => "impacts of a planar ellipse",
-            Self::Square => "first impacts of a dropped square, tilted by more than 20°",
-        }
-    }
-
-    fn effects(self) -> &'static [Effect] {
-        match self {
-            Self::Ellipse => &[Effect::Arm, Effect::Speed],
-            Self::Square => &[Effect::Strikes, Effect::Speed],
-        }
-    }
-
-    /// The impact of a row; `None` if it is not compared.
-    fn impact(self, row: &HashMap<&str, f64>) -> Option<PlanarImpact> {
-        let of = |names: [&str; 3]| Vector3::from(names.map(|name| row[name]));
-        match self {
-            Self::Ellipse => {
-                let rows = [of(["d_x", "d_y", "d_th"]), of(["n_x", "n_y", "n_th"])];
-                let (before, after) = (of(["pre_vx", "pre_vy", "pre_w"]), of(["post_vx", "post_vy", "post_w"]));
-                let impact = PlanarImpact { body: ELLIPSE_BODY, rows, before, after, sequel: None };
-                passive(ELLIPSE_BODY, before, after).then_some(impact)
-            }
-            Self::Square => {
-                let pose = of(["pre_x", "pre_z", "pre_th"]);
-                let (before, after) = (of(["pre_vx", "pre_vz", "pre_w"]), of(["post_vx", "post_vz", "post_w"]));
-                struck_square(pose, before, after, row["n_post"])
-            }
-        }
-    }
-}
-
 /// Whether the kinetic energy of a body does not increase: a measurement in which it does is mistracked, because no passive
 /// contact can do that.
 fn passive((mass, inertia): (f64, f64), before: Vector3<f64>, after: Vector3<f64>) -> bool {
@@ -275,12 +268,9 @@ fn struck_square(pose: Vector3<f64>, before: Vector3<f64>, after: Vector3<f64>, 
         (z + corner.y - FLOOR, angle, corner)
     };
     // the corner falls at 1 to 3 m/s: the touching instant is within 20 ms, else at the time of the table
-    let (mut above, mut below) = (-0.02, 0.02);
-    let touches = at(above).0 > 0.0 && at(below).0 < 0.0;
-    for _ in 0..60 {
-        let middle = 0.5 * (above + below);
-        if at(middle).0 > 0.0 { above = middle } else { below = middle }
-    }
+    let (early, late) = (-0.02, 0.02);
+    let touches = at(early).0 > 0.0 && at(late).0 < 0.0;
+    let [_, below] = halved([early, late], 60, |t| at(t).0 > 0.0);
     let time = if touches { below } else { 0.0 };
     let (_, angle, corner) = at(time);
     let turned = angle.rem_euclid(FRAC_PI_2);

@@ -3,8 +3,8 @@
 use super::comparison::Comparison;
 use super::page::{name, short};
 use crate::EvidenceError;
+use crate::drawing::{Area, Drawn, picture};
 use crate::line_chart::{COLOURS, GREY};
-use plotters::coord::Shift;
 use plotters::prelude::*;
 
 const WIDTH: u32 = 920;
@@ -14,38 +14,31 @@ const ROW: i32 = 22;
 /// Height of a panel without its rows.
 const HEAD: i32 = 96;
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-
 /// One panel for each comparison of a data set, below one another.
 ///
 /// # Errors
 /// [`EvidenceError`]: it cannot be drawn.
 pub fn svg(comparisons: &[Comparison]) -> Result<String, EvidenceError> {
-    let mut svg = String::new();
     let set = comparisons.first().map_or_else(String::new, |one| one.set.clone());
     let refuse = |e| EvidenceError::new(format!("the picture of {set} cannot be drawn: {e}"));
-    draw(&mut svg, comparisons).map_err(refuse)?;
-    Ok(svg)
+    let total: i32 = comparisons.iter().map(height).sum();
+    picture((WIDTH, total.max(1) as u32), |root| draw(root, comparisons)).map_err(refuse)
 }
 
 fn height(one: &Comparison) -> i32 {
     HEAD + ROW * one.rows.len() as i32
 }
 
-fn draw(svg: &mut String, comparisons: &[Comparison]) -> Result<(), Box<dyn std::error::Error>> {
-    let total: i32 = comparisons.iter().map(height).sum();
-    let root = SVGBackend::with_string(svg, (WIDTH, total.max(1) as u32)).into_drawing_area();
-    root.fill(&WHITE)?;
+fn draw(root: &Area, comparisons: &[Comparison]) -> Drawn {
     let mut top = 0;
     for one in comparisons {
-        panel(&root, one, top)?;
+        panel(root, one, top)?;
         top += height(one);
     }
-    root.present()?;
     Ok(())
 }
 
-fn panel(root: &Area<'_>, one: &Comparison, top: i32) -> Result<(), Box<dyn std::error::Error>> {
+fn panel(root: &Area, one: &Comparison, top: i32) -> Drawn {
     let limits = [("best impulse at the point", one.bound), ("floor: noise of the start", one.floor)];
     let bars: Vec<(f64, f64)> =
         one.rows.iter().map(|row| (row.error.estimate.mean, row.error.estimate.standard_error)).collect();

@@ -1,6 +1,7 @@
 //! A measured impact of a planar body, and what a model predicts for it.
 
 use super::candidates::{Candidate, Effect, Parameter};
+use crate::halved;
 use carom_impact::{ImpactProblem, law_by_name};
 use carom_study::fit::{FitError, MeasuredImpact};
 use nalgebra::{Matrix2x3, Matrix3, Vector2, Vector3};
@@ -163,11 +164,7 @@ impl Falling {
         while last < end {
             let next = (last + CHECK).min(end);
             if below(next) {
-                let (mut above, mut under) = (last, next);
-                for _ in 0..40 {
-                    let middle = 0.5 * (above + under);
-                    if below(middle) { under = middle } else { above = middle }
-                }
+                let [_, under] = halved([last, next], 40, |time| !below(time));
                 return Some((under, self.lowest(under)));
             }
             last = next;

@@ -363,11 +363,11 @@ fn normal(rng: &mut fastrand::Rng) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::super::candidates::Effect;
+    use super::super::tests::thrown::rolled;
     use super::*;
     use carom_chain::Chain;
     use carom_chain::urdf::{LoadOptions, read_str};
-    use carom_sim::{ContactRule, Sampling, Seen, Simulation, Surface, Touch};
-    use nalgebra::{UnitQuaternion, Vector3};
+    use nalgebra::UnitQuaternion;
 
     /// A body of moments of inertia that are multiples of 7e-4 kg m².
     fn urdf(shapes: &str, multiples: [f64; 3]) -> String {
@@ -397,28 +397,15 @@ mod tests {
     /// Tosses computed without the code of the comparison.
     fn thrown(chain: &Chain, count: i64) -> Vec<Toss> {
         let mut rng = fastrand::Rng::with_seed(3);
-        let floor = carom_contact::Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-        let contact = ContactRule::new(carom_impact::Energetic { restitution: 0.4, friction: 0.2 });
-        let surface = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
-        let touches = Touch::all(chain, &[surface], 0.0).unwrap().touches;
-        let gravity = Vector3::new(0.0, 0.0, -9.81);
-        let simulation = Simulation { gravity, ..Simulation::new(chain.clone(), touches) };
-        let mut one = |number| {
+        let law = carom_impact::Energetic { restitution: 0.4, friction: 0.2 };
+        let one = |number| {
             let mut wide = |size: f64| size * (2.0 * rng.f64() - 1.0);
             let turn = UnitQuaternion::from_euler_angles(wide(3.0), wide(1.5), wide(3.0));
             let q = [0.0, 0.0, 0.15, turn.i, turn.j, turn.k, turn.w];
             let qd = [wide(0.5), wide(0.5), wide(0.3), wide(5.0), wide(5.0), wide(5.0)];
-            let mut samples = Vec::new();
-            let sampling = Sampling { every: Some(0.01), ..Sampling::default() };
-            let mut keep = |seen: Seen<'_>| {
-                if let Seen::Moment(moment) = seen {
-                    samples.push(moment.clone());
-                }
-            };
-            simulation.stream(&q, &qd, 0.28, sampling, &mut keep).unwrap();
-            Toss { number, samples }
+            Toss { number, samples: rolled(chain, law, &q, &qd, 0.01, 0.28) }
         };
-        (0..count).map(&mut one).collect()
+        (0..count).map(one).collect()
     }
 
     /// Tosses of a cube with rounded corners and unequal moments of inertia, judged with the sharp cube of the URDF, whose moments

@@ -12,7 +12,7 @@ use serde::Serialize;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Claim {
     /// Section, figure or equation of the paper.
-    pub place: &'static str,
+    pub(crate) place: &'static str,
     /// The claim, paraphrased.
     pub statement: String,
     /// Whether the model confirms the claim.

@@ -1,6 +1,6 @@
 //! The paper's figures: the data of each figure and its curves.
 
-use super::report::{Paper, Row, title};
+use super::report::{FIGURES, Paper, Row};
 use super::simulated::TipState;
 use super::{ANGLES_DEG, Elbow, Run, SPEEDS};
 use crate::EvidenceError;
@@ -115,7 +115,10 @@ impl Paper {
         };
         let dashed = |curve: Curve| Curve { dashed: true, ..curve };
         let sampled = |k: usize, of: fn(&TipState) -> (f64, f64)| self.motions[k].samples.iter().map(of).collect();
-        let (mut curves, title, axes) = (Vec::new(), title(name), axes(name));
+        let Some((_, title, axes)) = FIGURES.into_iter().find(|(own, ..)| *own == name) else {
+            return v_plot(&self.table);
+        };
+        let mut curves = Vec::new();
         match name {
             "fig4" => {
                 for k in [0, 1] {
@@ -159,7 +162,6 @@ impl Paper {
                     }
                 }
             }
-            _ if name == "table1" => return v_plot(&self.table),
             _ => {
                 curves.push(marked(curve("before, both elbows".into(), GREY, (0, 1.0), (1, 1.0))));
                 let first = if name == "fig9" { "after, with e" } else { "after, measured" };
@@ -171,17 +173,5 @@ impl Paper {
             }
         }
         svg(title, axes, &curves).map_err(EvidenceError::new)
-    }
-}
-
-fn axes(figure: &str) -> [&'static str; 2] {
-    match figure {
-        "fig4" => ["time, ms", "velocity, m/s"],
-        "fig5" => ["time from contact, ms", "force, N"],
-        "fig6" => ["position down the wall, mm", "position towards the wall, mm"],
-        "fig7" => ["velocity along the wall, m/s", "velocity into the wall, m/s"],
-        "fig8" => ["angle of impact, degrees", "energy loss, mJ"],
-        "fig9" => ["angle of impact, degrees", "velocity along the wall, m/s"],
-        _ => ["angle of impact, degrees", "velocity away from the wall, m/s"],
     }
 }

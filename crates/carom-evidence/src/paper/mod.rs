@@ -6,7 +6,7 @@
 //! | α | angle between the tip's velocity before the impact and the surface; 90° is a normal impact | `angle_deg` |
 //! | n | the paper's normal, *into* the surface; `NORMAL` is −n, from the surface to the robot | `NORMAL` |
 //! | t | tangent, down the wall | `TANGENT` |
-//! | h | tᵀHn / nᵀHn with the paper's n: reversal if h(1+e) > cot α, growth if h < 0 | [`Run::coupling`] |
+//! | h | tᵀHn / nᵀHn with the paper's n: reversal if h(1+e) > cot α, growth if h < 0 | `Run::coupling` |
 //!
 //! The tip meets a wall at x = 0.6364 m. The paper gives no geometry, joint angles or inertia. Arm and poses are those of
 //! the stand-in `robots/planar2.urdf`, with the line from base to tip along the surface normal.
@@ -31,7 +31,7 @@ pub(crate) const NORMAL: [f64; 3] = [-1.0, 0.0, 0.0];
 /// Tangential direction of the approach, world frame: down the wall.
 pub(crate) const TANGENT: [f64; 3] = [0.0, -1.0, 0.0];
 /// Impact angles, degrees.
-pub const ANGLES_DEG: [f64; 4] = [30.0, 45.0, 60.0, 90.0];
+pub(crate) const ANGLES_DEG: [f64; 4] = [30.0, 45.0, 60.0, 90.0];
 /// Impact speeds, m/s.
 pub(crate) const SPEEDS: [f64; 3] = [0.1, 0.2, 0.3];
 
@@ -46,7 +46,7 @@ pub enum Elbow {
 
 impl Elbow {
     /// Both configurations, up first.
-    pub const BOTH: [Self; 2] = [Self::Up, Self::Down];
+    pub(crate) const BOTH: [Self; 2] = [Self::Up, Self::Down];
 
     /// +1 if the elbow is above the line from base to tip, −1 if it is below.
     pub fn side(self) -> f64 {
@@ -68,7 +68,7 @@ impl Elbow {
     }
 
     /// Newton's coefficients of Table I, measured at 0.2 m/s, for [`ANGLES_DEG`].
-    pub fn newton(self) -> [f64; 4] {
+    pub(crate) fn newton(self) -> [f64; 4] {
         match self {
             Self::Up => [0.40, 0.35, 0.28, 0.35],
             Self::Down => [0.30, 0.35, 0.34, 0.35],
@@ -140,7 +140,7 @@ pub struct Run {
     /// The impact.
     pub hit: ChainImpact,
     /// h = tᵀHn/nᵀHn with the paper's normal.
-    pub coupling: f64,
+    pub(crate) coupling: f64,
 }
 
 impl Run {
@@ -235,6 +235,9 @@ pub fn experiment(chain: &Chain) -> Result<Vec<Run>, SimError> {
     Ok(runs)
 }
 
+#[cfg(test)]
+#[path = "../../tests/paper.rs"]
+mod experiment_tests;
 #[cfg(test)]
 #[path = "../../tests/paper_figures.rs"]
 mod tests;

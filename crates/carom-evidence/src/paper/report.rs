@@ -73,7 +73,30 @@ pub struct Paper {
     pub(crate) table: Vec<Findings>,
 }
 
-const FIGURES: [&str; 8] = ["fig4", "fig5", "fig6", "fig7", "fig8", "fig9", "fig10", "table1"];
+/// The figures: name, title, and what the axes show.
+pub(super) const FIGURES: [(&str, &str, [&str; 2]); 7] = [
+    ("fig4", "Fig. 4: velocity of the tip", ["time, ms", "velocity, m/s"]),
+    ("fig5", "Fig. 5: force on the wall, compliant contact", ["time from contact, ms", "force, N"]),
+    ("fig6", "Fig. 6: path of the tip", ["position down the wall, mm", "position towards the wall, mm"]),
+    (
+        "fig7",
+        "Fig. 7: normal over tangential velocity",
+        ["velocity along the wall, m/s", "velocity into the wall, m/s"],
+    ),
+    ("fig8", "Fig. 8: kinetic energy loss", ["angle of impact, degrees", "energy loss, mJ"]),
+    (
+        "fig9",
+        "Fig. 9: tangential velocity before and after",
+        ["angle of impact, degrees", "velocity along the wall, m/s"],
+    ),
+    (
+        "fig10",
+        "Fig. 10: normal velocity before and after",
+        ["angle of impact, degrees", "velocity away from the wall, m/s"],
+    ),
+];
+/// The picture and the data of Table I.
+const TABLE: &str = "table1";
 const REPORT: &str = "report.md";
 
 impl Paper {
@@ -143,7 +166,7 @@ impl Paper {
         };
         let (part, old) = (Part(beside("part")), beside("old"));
         std::fs::create_dir(&part.0).map_err(unwritable(named))?;
-        for name in FIGURES {
+        for name in pictures() {
             let file = part.0.join(format!("{name}.svg"));
             std::fs::write(&file, self.figure(name)?).map_err(unwritable(named))?;
             let (columns, rows) = self.numbers(name);
@@ -210,13 +233,9 @@ impl Paper {
         }
         text += "\nThe magnitudes in Figs. 4 to 10 cannot be compared: the paper gives no velocities, forces, paths or energies \
                  as numbers. Table I has its only printed measurements.\n\n";
-        for name in &FIGURES[..7] {
-            let _ = writeln!(
-                text,
-                "## {}\n\n![{0}]({name}.svg)\n\n{} ([data]({name}.csv))\n",
-                title(name),
-                self.caption(name)
-            );
+        for (name, title, _) in FIGURES {
+            let caption = self.caption(name);
+            let _ = writeln!(text, "## {title}\n\n![{title}]({name}.svg)\n\n{caption} ([data]({name}.csv))\n");
         }
         text += &self.table1();
         text
@@ -314,10 +333,15 @@ impl Paper {
     }
 }
 
+/// The names of the pictures, which are those of their data.
+fn pictures() -> impl Iterator<Item = &'static str> {
+    FIGURES.iter().map(|(name, ..)| *name).chain([TABLE])
+}
+
 /// The names of the files of a report.
 fn files() -> Vec<String> {
-    let of = |name: &&str| [format!("{name}.svg"), format!("{name}.csv")];
-    FIGURES.iter().flat_map(of).chain([REPORT.to_owned()]).collect()
+    let of = |name| [format!("{name}.svg"), format!("{name}.csv")];
+    pictures().flat_map(of).chain([REPORT.to_owned()]).collect()
 }
 
 /// Why a folder is neither new nor empty nor that of a report.
@@ -350,18 +374,5 @@ struct Part(PathBuf);
 impl Drop for Part {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
-/// Title of a figure.
-pub(super) fn title(figure: &str) -> &'static str {
-    match figure {
-        "fig4" => "Fig. 4: velocity of the tip",
-        "fig5" => "Fig. 5: force on the wall, compliant contact",
-        "fig6" => "Fig. 6: path of the tip",
-        "fig7" => "Fig. 7: normal over tangential velocity",
-        "fig8" => "Fig. 8: kinetic energy loss",
-        "fig9" => "Fig. 9: tangential velocity before and after",
-        _ => "Fig. 10: normal velocity before and after",
     }
 }

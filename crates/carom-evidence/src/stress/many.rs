@@ -282,27 +282,17 @@ pub fn rocking_impact(method: &str) -> Judged {
             let both = vec![Constraint::Contact { restitution: 0.0, friction: mu }; 2];
             let problem = SeveralProblem::new(&j * &response, u, both).map_err(said)?;
             let accuracy = Accuracy { tolerance: 1e-13, ..Accuracy::default() };
-            let (impulse, flags) = match method {
-                MOREAU => {
-                    let hit = problem.simultaneous(&accuracy, None).map_err(said)?;
-                    (hit.impulse, hit.flags)
-                }
-                GLOCKER_PFEIFFER => {
-                    let hit = problem.poisson(&accuracy).total;
-                    (hit.impulse, hit.flags)
-                }
+            let hit = match method {
+                MOREAU => problem.simultaneous(&accuracy, None).map_err(said)?,
+                GLOCKER_PFEIFFER => problem.poisson(&accuracy).total,
                 LIU_ZHAO_BROGLIATO => {
                     let equal = Stiffnesses { exponent: 1.5, ratios: &[1.0, 1.0] };
-                    let hit = problem.energetic(&equal, &accuracy).map_err(said)?.total;
-                    (hit.impulse, hit.flags)
+                    problem.energetic(&equal, &accuracy).map_err(said)?.total
                 }
-                _ => {
-                    let hit = problem.sequential(&Order::MostApproaching, &accuracy).map_err(said)?;
-                    (hit.impulse, hit.flags)
-                }
+                _ => problem.sequential(&Order::MostApproaching, &accuracy).map_err(said)?,
             };
-            let jump = response * impulse;
-            (Vector3::new(jump[0], jump[1], jump[2]), flags)
+            let jump = response * hit.impulse;
+            (Vector3::new(jump[0], jump[1], jump[2]), hit.flags)
         }
         _ => {
             let j = corner(1.0);

@@ -3,6 +3,7 @@
 use super::bodies::{G, STIFFNESS, chain, free, joint, link, plane, rule, simulation, sphere, touches, with_method};
 use super::method::{COMPLIANT, EVENTS, Found, Judged, STEPS, runge_kutta, said};
 use super::single::worse;
+use crate::halved;
 use carom_chain::Chain;
 use carom_contact::Obstacle;
 use carom_sim::{Compliance, ContactRule, EventKind, Holding, Simulation, Trajectory};
@@ -130,12 +131,8 @@ impl Compliant {
         if e == 1.0 {
             return 0.0;
         }
-        let (mut low, mut high) = (1e-9, (1.0 - 1e-15) / e);
-        for _ in 0..200 {
-            let x = 0.5 * (low + high);
-            if ((1.0 + x) / (1.0 - e * x)).ln() < (1.0 + e) * x { low = x } else { high = x }
-        }
-        low
+        let below = |x: f64| ((1.0 + x) / (1.0 - e * x)).ln() < (1.0 + e) * x;
+        halved([1e-9, (1.0 - 1e-15) / e], 200, below)[0]
     }
 
     fn step(&self, y: [f64; 2], damping: Option<f64>, h: f64) -> [f64; 2] {
@@ -165,13 +162,8 @@ impl Compliant {
             let mut next = self.step(y, damping, h);
             let crosses = (depth(next) > 0.0) != damping.is_some();
             if crosses {
-                let (mut low, mut high) = (0.0, h);
-                for _ in 0..60 {
-                    let middle = 0.5 * (low + high);
-                    let there = (depth(self.step(y, damping, middle)) > 0.0) != damping.is_some();
-                    if there { high = middle } else { low = middle }
-                }
-                h = high.max(1e-12);
+                let here = |h: f64| (depth(self.step(y, damping, h)) > 0.0) == damping.is_some();
+                h = halved([0.0, h], 60, here)[1].max(1e-12);
                 next = self.step(y, damping, h);
             }
             seen(time, y, h, next);

@@ -1,6 +1,7 @@
 //! The table as Markdown and as a picture.
 
 use super::method::{Cell, METHODS, Row, Verdict};
+use crate::drawing::{Area, Drawn, sure_picture};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::fmt::Write;
@@ -173,23 +174,16 @@ fn blocks(rows: &[Row]) -> Vec<Block<'_>> {
 
 /// The table as SVG, coloured by verdict, each cell with its figure or bound.
 pub fn svg(rows: &[Row]) -> String {
-    let mut text = String::new();
     let blocks = blocks(rows);
     let end = |of: fn((i32, i32)) -> i32| {
         blocks.iter().map(|block| of(block.corner) + of(block.size())).max().unwrap_or_default()
     };
     // The legend below the blocks needs the width of the largest of them.
     let size = ((end(|at| at.0) + 20).max(LEGEND) as u32, (end(|at| at.1) + 60) as u32);
-    let drawn = draw(&SVGBackend::with_string(&mut text, size).into_drawing_area(), &blocks, end(|at| at.1));
-    // Writing to a string can't fail.
-    debug_assert!(drawn.is_ok(), "{drawn:?}");
-    text
+    sure_picture(size, |area| draw(area, &blocks, end(|at| at.1)))
 }
 
-type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
-
-fn draw<'a>(area: &DrawingArea<SVGBackend<'a>, plotters::coord::Shift>, blocks: &[Block], bottom: i32) -> Drawn<'a> {
-    area.fill(&WHITE)?;
+fn draw(area: &Area, blocks: &[Block], bottom: i32) -> Drawn {
     let font = |size: i32| ("sans-serif", size).into_font();
     let right = font(13).color(&BLACK).pos(Pos::new(HPos::Right, VPos::Center));
     let upward = font(13).transform(FontTransform::Rotate270).color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
@@ -228,5 +222,5 @@ fn draw<'a>(area: &DrawingArea<SVGBackend<'a>, plotters::coord::Shift>, blocks: 
         area.draw(&Text::new(verdict.name(), (x + 24, y + 7), left.clone()))?;
         x += 50 + 8 * verdict.name().len() as i32;
     }
-    area.present()
+    Ok(())
 }

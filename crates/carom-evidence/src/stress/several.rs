@@ -7,6 +7,7 @@ use carom_impact::{
     compliant_impact,
 };
 use nalgebra::{DMatrix, DVector, Vector2, dmatrix, dvector};
+use std::ops::Range;
 
 /// What the three laws have in common.
 struct Answer {
@@ -52,6 +53,16 @@ fn problem(h: DMatrix<f64>, u: DVector<f64>, constraints: Vec<Constraint>) -> Re
     SeveralProblem::new(h, u, constraints).map_err(said)
 }
 
+/// The constraints of a problem, each with its rows; the last one of them is the normal.
+fn blocks(problem: &SeveralProblem) -> impl Iterator<Item = (Range<usize>, &Constraint)> {
+    let mut next = 0;
+    problem.constraints().iter().map(move |constraint| {
+        let first = next;
+        next += constraint.rows();
+        (first..next, constraint)
+    })
+}
+
 fn coefficients(constraint: &Constraint) -> (f64, f64) {
     match *constraint {
         Constraint::Contact { restitution, friction } => (restitution, friction),
@@ -69,20 +80,19 @@ fn law_violation(
     e_of: impl Fn(f64) -> f64,
     speed: f64,
 ) -> f64 {
-    let (mut worst, mut row) = (0.0, 0);
-    for constraint in problem.constraints() {
-        let n = row + constraint.rows() - 1;
+    let mut worst = 0.0;
+    for (rows, constraint) in blocks(problem) {
+        let (row, n) = (rows.start, rows.end - 1);
         let (e, mu) = coefficients(constraint);
         let h = problem.delassus()[(n, n)];
         let target = after[n] + e_of(e) * before[n].min(0.0);
         worst = worse(worst, (h * (impulse[n] - floor[n])).min(target).abs() / speed);
-        if constraint.rows() == 3 {
+        if rows.len() == 3 {
             let (p, u) = (impulse.fixed_rows::<2>(row).into_owned(), after.fixed_rows::<2>(row).into_owned());
             let outside = (p.norm() - mu * impulse[n]).max(0.0) * h / speed;
             let against = (p * u.norm() + u * (mu * impulse[n])).norm() * h / (speed * speed);
             worst = worse(worst, worse(outside, against));
         }
-        row = n + 1;
     }
     worst
 }
@@ -100,11 +110,9 @@ fn violation(method: &str, problem: &SeveralProblem, hit: &Answer) -> f64 {
         (Some([compression, expansion]), _) => {
             let between = u + h * compression;
             let mut floor = none.clone();
-            let mut row = 0;
-            for constraint in problem.constraints() {
-                let n = row + constraint.rows() - 1;
+            for (rows, constraint) in blocks(problem) {
+                let n = rows.end - 1;
                 floor[n] = coefficients(constraint).0 * compression[n];
-                row = n + 1;
             }
             let first = law_violation(problem, (compression, &none), (u, &between), |_| 0.0, speed);
             let second = law_violation(problem, (expansion, &floor), (&between, &hit.u_plus), |_| 0.0, speed);
@@ -113,18 +121,17 @@ fn violation(method: &str, problem: &SeveralProblem, hit: &Answer) -> f64 {
         }
         (None, MOREAU) => law_violation(problem, (&hit.impulse, &none), (u, &hit.u_plus), |e| e, speed),
         (None, _) => {
-            let (mut worst, mut row) = (0.0, 0);
-            for constraint in problem.constraints() {
-                let n = row + constraint.rows() - 1;
+            let mut worst = 0.0;
+            for (rows, constraint) in blocks(problem) {
+                let n = rows.end - 1;
                 let (_, mu) = coefficients(constraint);
-                let tangential = hit.impulse.rows(row, n - row).norm();
+                let tangential = hit.impulse.rows(rows.start, rows.len() - 1).norm();
                 worst = worse(worst, (-hit.u_plus[n]).max(0.0) / speed);
                 worst = worse(worst, (tangential - mu * hit.impulse[n]).max(0.0) * h[(n, n)] / speed);
                 // One sub-impact is the law of one contact.
                 if hit.sub_impacts == 1 && hit.impulse[n] > 0.0 {
-                    worst = worse(worst, one_contact(problem, hit, row..n + 1));
+                    worst = worse(worst, one_contact(problem, hit, rows, *constraint));
                 }
-                row = n + 1;
             }
             worst
         }
@@ -133,15 +140,10 @@ fn violation(method: &str, problem: &SeveralProblem, hit: &Answer) -> f64 {
 }
 
 /// Moreau's law for the only contact that has an impulse.
-fn one_contact(problem: &SeveralProblem, hit: &Answer, rows: std::ops::Range<usize>) -> f64 {
-    let constraint = problem.constraints().iter().scan(0, |next, constraint| {
-        *next += constraint.rows();
-        Some((*next, constraint))
-    });
-    let own = constraint.filter(|(end, _)| *end == rows.end).map(|(_, constraint)| *constraint).collect::<Vec<_>>();
+fn one_contact(problem: &SeveralProblem, hit: &Answer, rows: Range<usize>, constraint: Constraint) -> f64 {
     let part = |v: &DVector<f64>| v.rows(rows.start, rows.len()).into_owned();
     let h = problem.delassus().view((rows.start, rows.start), (rows.len(), rows.len())).into_owned();
-    let Ok(one) = SeveralProblem::new(h, part(problem.u_minus()), own) else { return f64::NAN };
+    let Ok(one) = SeveralProblem::new(h, part(problem.u_minus()), vec![constraint]) else { return f64::NAN };
     let none = DVector::zeros(rows.len());
     let speed = problem.u_minus().amax();
     law_violation(&one, (&part(&hit.impulse), &none), (one.u_minus(), &part(&hit.u_plus)), |e| e, speed)

@@ -28,6 +28,7 @@ fn may_gain(name: &str) -> bool {
 }
 
 /// The worst of many impacts under one law.
+#[derive(Default)]
 struct Worst {
     count: usize,
     violation: f64,
@@ -37,10 +38,6 @@ struct Worst {
 }
 
 impl Worst {
-    fn new() -> Self {
-        Self { count: 0, violation: 0.0, gains: 0, ratio: 0.0 }
-    }
-
     fn add<const D: usize>(&mut self, h: &SMatrix<f64, D, D>, hit: &ImpactOutcome<f64, D>, e: f64, mu: f64) {
         self.count += 1;
         self.violation = worse(self.violation, violation(h, hit, e, mu));
@@ -66,7 +63,7 @@ impl Worst {
 pub fn kane_levinson(name: &str) -> Judged {
     let h = pendulum();
     let problem = ImpactProblem::new(h, KANE.into()).map_err(said)?;
-    let mut worst = Worst::new();
+    let mut worst = Worst::default();
     for i in 0..=20 {
         for k in 0..=30 {
             let (e, mu) = (f64::from(i) / 20.0, f64::from(k) / 25.0);
@@ -109,7 +106,7 @@ pub fn census_in_space(name: &str) -> Judged {
 
 fn random_impacts<const D: usize>(name: &str, count: usize, most: f64) -> Judged {
     let mut rng = fastrand::Rng::with_seed(1);
-    let mut worst = Worst::new();
+    let mut worst = Worst::default();
     for _ in 0..count {
         let problem = random::<D>(&mut rng)?;
         let (e, mu) = (rng.f64(), 2.0 * rng.f64());

@@ -28,6 +28,7 @@ use ivp::solout::{ControlFlag, SolOut};
 use nalgebra::{DMatrix, DVector, Vector2};
 
 use super::{NormalForce, TangentialForce};
+use crate::outcome::finite;
 use crate::problem::{check_delassus, check_square, check_velocity};
 use crate::roots::{MOST_STEPS, bisect};
 use crate::{ImpactError, ImpactProblem};
@@ -173,9 +174,7 @@ pub fn compliant_impact(
 
     let impulse = DVector::from_column_slice(&y[count..count + rows]);
     let u_plus = u_minus + &delassus * &impulse;
-    if let Some(&value) = u_plus.iter().find(|value| !value.is_finite()) {
-        return Err(ImpactError::NotFinite { entry: "the impulse".into(), value });
-    }
+    finite("the impulse", &u_plus)?;
     for (k, pressed) in run.pressed.iter_mut().enumerate() {
         let works = &y[3 * count + rows + 3 * k..][..3];
         (pressed.absorbed, pressed.returned, pressed.friction_work) = (works[0], works[1], works[2]);

@@ -75,7 +75,7 @@ use crate::roots::newton;
 /// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Damping {
-    /// The damping that rebounds with e exactly: [`damping_root`].
+    /// The damping that rebounds with e exactly.
     #[default]
     Exact,
     /// Hunt & Crossley 1975: the limit of the root for e → 1.
@@ -157,7 +157,7 @@ impl Damping {
 ///
 /// x decreases from 1/e for small e (equal to 1/e to all digits below e = 0.02) to 0 at e = 1, where it is 3(1 − e)/2
 /// to first order. `None` outside (0, 1]: at e = 0 there is no finite root.
-pub fn damping_root(restitution: f64) -> Option<f64> {
+fn damping_root(restitution: f64) -> Option<f64> {
     let e = restitution;
     // below the least normal number 1/e overflows
     if !(f64::MIN_POSITIVE..=1.0).contains(&e) {
@@ -182,15 +182,15 @@ pub fn damping_root(restitution: f64) -> Option<f64> {
 }
 
 /// The coefficient of restitution of a [`HuntCrossley`](crate::HuntCrossley) contact whose damping times approach
-/// velocity, a v0, is `number`: the inverse of [`damping_root`], to a few roundings.
+/// velocity, a v0, is `number`: the inverse of the exact [`Damping::number`], to a few roundings.
 ///
 /// It is 1 without damping and below 1/x for every x, so such a contact never separates faster than 1/a, whatever the
 /// approach velocity. NaN for a negative `number` (a contact that adds energy) or NaN.
 ///
 /// ```
-/// # use carom_impact::{damping_root, restitution_obtained};
+/// # use carom_impact::{Damping, restitution_obtained};
 /// assert_eq!(restitution_obtained(0.0), 1.0);
-/// assert!((restitution_obtained(damping_root(0.3).unwrap()) - 0.3).abs() < 1e-15);
+/// assert!((restitution_obtained(Damping::Exact.number(0.3).unwrap()) - 0.3).abs() < 1e-15);
 /// ```
 pub fn restitution_obtained(number: f64) -> f64 {
     let x = number;

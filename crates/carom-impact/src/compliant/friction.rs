@@ -47,7 +47,7 @@ impl SmoothedCoulomb {
     }
 
     /// Force on the robot (N).
-    pub fn force<const N: usize>(&self, slip: &SVector<f64, N>, normal_force: f64) -> SVector<f64, N> {
+    pub(super) fn force<const N: usize>(&self, slip: &SVector<f64, N>, normal_force: f64) -> SVector<f64, N> {
         let speed = slip.norm();
         let share = if speed > 0.0 { (speed / self.slip_speed).tanh() / speed } else { 0.0 };
         slip * (-self.friction * share * normal_force.max(0.0))
@@ -80,9 +80,9 @@ impl SmoothedCoulomb {
 /// **Source.** The spring with a limited force: P. A. Cundall, O. D. L. Strack, Géotechnique 29 (1979) 47.
 ///
 /// ```
-/// # use carom_impact::Bristle;
+/// # use carom_impact::{Bristle, TangentialForce};
 /// # use nalgebra::vector;
-/// let bristle = Bristle::new(0.5, 1e5, 10.0)?;
+/// let bristle = TangentialForce::Bristle(Bristle::new(0.5, 1e5, 10.0)?);
 /// let (bent, still) = (vector![1e-5], vector![0.0]);
 /// assert_eq!(bristle.force(&bent, &still, 10.0), vector![-1.0]); // it sticks
 /// assert_eq!(bristle.rate(&bent, &still, 10.0), vector![0.0]);
@@ -115,7 +115,7 @@ impl Bristle {
     }
 
     /// Force on the robot (N).
-    pub fn force<const N: usize>(
+    pub(super) fn force<const N: usize>(
         &self,
         deflection: &SVector<f64, N>,
         slip: &SVector<f64, N>,
@@ -125,7 +125,7 @@ impl Bristle {
     }
 
     /// Rate of the deflection ż (m/s).
-    pub fn rate<const N: usize>(
+    pub(super) fn rate<const N: usize>(
         &self,
         deflection: &SVector<f64, N>,
         slip: &SVector<f64, N>,

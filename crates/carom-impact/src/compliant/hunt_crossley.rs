@@ -22,11 +22,12 @@ use crate::ImpactError;
 /// first-order limit of the root for e → 1; at e = 1/2 it is about half of the exact value.
 ///
 /// ```
-/// # use carom_impact::HuntCrossley;
+/// # use carom_impact::{HuntCrossley, NormalForce};
 /// let contact = HuntCrossley::new(1e7, 1.5, 0.5)?;
 /// let damping = contact.damping(0.2);
 /// assert!((damping * 0.2 - 1.432751).abs() < 1e-6);
-/// assert!(contact.force(1e-4, 0.1, damping) > contact.force(1e-4, -0.1, damping));
+/// let contact = NormalForce::HuntCrossley(contact);
+/// assert!(contact.force(1e-4, 0.1, damping, 0.0) > contact.force(1e-4, -0.1, damping, 0.0));
 /// # Ok::<(), carom_impact::ImpactError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,7 +71,7 @@ impl HuntCrossley {
     }
 
     /// Normal force (N) at a `penetration` d (m) that grows at `rate` w (m/s). Never negative.
-    pub fn force(&self, penetration: f64, rate: f64, damping: f64) -> f64 {
+    pub(super) fn force(&self, penetration: f64, rate: f64, damping: f64) -> f64 {
         let factor = 1.0 + damping * rate;
         if penetration <= 0.0 || factor <= 0.0 {
             return 0.0;
@@ -80,7 +81,7 @@ impl HuntCrossley {
 
     /// Largest penetration (m) of an impact at `approach_speed` v0 (m/s) of an `effective_mass` m (kg), in closed form:
     /// `k d^(n+1) = (n+1) m v0² g(x)`, where g(x) is 1/2 without damping. Useful to choose a stiffness.
-    pub fn greatest_penetration(&self, approach_speed: f64, effective_mass: f64) -> f64 {
+    pub(super) fn greatest_penetration(&self, approach_speed: f64, effective_mass: f64) -> f64 {
         if approach_speed <= 0.0 {
             return 0.0;
         }

@@ -31,11 +31,11 @@ use crate::roots::{MOST_STEPS, bisect};
 /// **Source.** The two ends: T. Schwager, T. Pöschel, Granular Matter 9 (2007) 465.
 ///
 /// ```
-/// # use carom_impact::KelvinVoigt;
+/// # use carom_impact::{KelvinVoigt, NormalForce};
 /// let contact = KelvinVoigt::new(1e5, 0.5)?;
 /// let damping = contact.damping(2.0);
 /// assert!((contact.rebound(damping, 2.0) - 0.5).abs() < 1e-15);
-/// assert!(contact.force(0.0, 1.0, damping) > 0.0); // the jump
+/// assert!(NormalForce::KelvinVoigt(contact).force(0.0, 1.0, damping, 0.0) > 0.0); // the jump
 /// # Ok::<(), carom_impact::ImpactError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,7 +96,7 @@ impl KelvinVoigt {
     }
 
     /// Normal force (N) at a `penetration` d (m) that grows at `rate` w (m/s).
-    pub fn force(&self, penetration: f64, rate: f64, damping: f64) -> f64 {
+    pub(super) fn force(&self, penetration: f64, rate: f64, damping: f64) -> f64 {
         if penetration < 0.0 || (penetration == 0.0 && rate <= 0.0) {
             return 0.0;
         }
@@ -106,7 +106,7 @@ impl KelvinVoigt {
 
     /// Largest penetration (m) of an impact at `approach_speed` v0 (m/s) of an `effective_mass` m (kg), in closed form:
     /// `v0 √(m/k) exp(-ζ acos ζ/√(1 - ζ²))`.
-    pub fn greatest_penetration(&self, approach_speed: f64, effective_mass: f64) -> f64 {
+    pub(super) fn greatest_penetration(&self, approach_speed: f64, effective_mass: f64) -> f64 {
         let loss = clipped_loss(self.damping_ratio()); // w = 0 at half the phase at which F = 0
         approach_speed.max(0.0) * (effective_mass / self.stiffness).sqrt() * (-0.5 * loss).exp()
     }

@@ -22,7 +22,7 @@ mod kelvin_voigt;
 mod walton_braun;
 
 pub use blow::{CompliantOutcome, Pressed, compliant_impact};
-pub use damping::{Damping, damping_root, restitution_obtained};
+pub use damping::{Damping, restitution_obtained};
 pub use friction::{Bristle, SmoothedCoulomb};
 pub use hunt_crossley::{HuntCrossley, RoundBody, hertz_stiffness};
 pub use kelvin_voigt::KelvinVoigt;

@@ -26,11 +26,12 @@ use crate::ImpactError;
 /// **Source.** O. R. Walton, R. L. Braun, J. Rheol. 30 (1986) 949.
 ///
 /// ```
-/// # use carom_impact::WaltonBraun;
-/// let contact = WaltonBraun::new(1e5, 0.5)?;
-/// assert_eq!(contact.force(1e-3, 0.0), 1e5 * 1e-3);
-/// assert!((contact.force(0.8e-3, 1e-3) - 4e5 * 0.05e-3).abs() < 1e-9);
-/// assert_eq!(contact.force(0.7e-3, 1e-3), 0.0);
+/// # use carom_impact::{NormalForce, WaltonBraun};
+/// let contact = NormalForce::WaltonBraun(WaltonBraun::new(1e5, 0.5)?);
+/// let force = |penetration, deepest| contact.force(penetration, 0.0, 0.0, deepest);
+/// assert_eq!(force(1e-3, 0.0), 1e5 * 1e-3);
+/// assert!((force(0.8e-3, 1e-3) - 4e5 * 0.05e-3).abs() < 1e-9);
+/// assert_eq!(force(0.7e-3, 1e-3), 0.0);
 /// # Ok::<(), carom_impact::ImpactError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,7 +56,7 @@ impl WaltonBraun {
 
     /// Normal force (N) at a `penetration` d (m), where the contact last turned back at the penetration `deepest` (m);
     /// 0 if it never did. Beyond `deepest` it is on the loading line.
-    pub fn force(&self, penetration: f64, deepest: f64) -> f64 {
+    pub(super) fn force(&self, penetration: f64, deepest: f64) -> f64 {
         let (k, square) = (self.stiffness, self.restitution * self.restitution);
         if penetration >= deepest {
             return k * penetration.max(0.0);
@@ -64,7 +65,7 @@ impl WaltonBraun {
     }
 
     /// Largest penetration (m) of an impact at `approach_speed` v0 (m/s) of an `effective_mass` m (kg): v0 √(m/k).
-    pub fn greatest_penetration(&self, approach_speed: f64, effective_mass: f64) -> f64 {
+    pub(super) fn greatest_penetration(&self, approach_speed: f64, effective_mass: f64) -> f64 {
         approach_speed.max(0.0) * (effective_mass / self.stiffness).sqrt()
     }
 }

@@ -16,6 +16,7 @@ use nalgebra::{SVector, Vector2};
 use super::{Flow, Piece, State, Turn, length};
 use crate::contact::Contact;
 use crate::laws::check_friction;
+use crate::outcome::finite;
 use crate::roots::{MOST_STEPS, bisect};
 use crate::rounding::{CANCELLED, rounding};
 use crate::{ImpactError, ImpactProblem};
@@ -85,20 +86,16 @@ impl<const D: usize> ImpactProblem<f64, D> {
     /// (1995) 893.
     pub fn impulse_path(&self, friction: f64, normal_impulse: f64) -> Result<ImpulsePath<D>, ImpactError> {
         check_friction(friction)?;
-        if !normal_impulse.is_finite() {
-            return Err(ImpactError::NotFinite { entry: "normal_impulse".into(), value: normal_impulse });
-        }
+        finite("normal_impulse", &[normal_impulse])?;
         self.check_normal()?;
         let path = if friction == 0.0 {
             self.straight_path(normal_impulse)
         } else {
             Walk::new(&Contact::of(self)).follow(friction, normal_impulse)?
         };
-        let numbers = || path.points.iter().flat_map(|point| point.impulse.iter().chain(point.velocity.iter()));
-        match numbers().find(|value| !value.is_finite()) {
-            Some(&value) => Err(ImpactError::NotFinite { entry: "the path of the impulse".into(), value }),
-            None => Ok(path),
-        }
+        let numbers = path.points.iter().flat_map(|point| point.impulse.iter().chain(point.velocity.iter()));
+        finite("the path of the impulse", numbers)?;
+        Ok(path)
     }
 
     /// Without friction slip does not stop.

@@ -4,7 +4,8 @@ use super::{Family, Rule, check_friction, check_impulse_ratio, check_restitution
 use crate::branches::Answers;
 use crate::contact::{Contact, length};
 use crate::outcome::Account;
-use crate::rounding::{NULL_PIVOT, rounding};
+use crate::problem::determinant;
+use crate::rounding::{CANCELLED, NULL_PIVOT, rounding};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// Newton's coefficient, and a prescribed impulse ratio r in the direction t of the initial slip, clipped to the
@@ -84,7 +85,7 @@ impl<T: RealField + Copy> Brach<T> {
         let contact = Contact::of(problem);
         let t = direction(&contact);
         let plane = Plane::of(&contact, &t, e);
-        let det = plane.determinant();
+        let det = determinant(plane.a, plane.b, plane.c);
         // Where H is singular in the plane, all ratios give the same velocity, and rest is no bound of theirs.
         let singular = plane.a > T::zero() && contact.is_locked(det / plane.a);
         let (ratio, rests) =
@@ -157,13 +158,14 @@ impl Brach {
     }
 }
 
-/// The unit vector along the slip; without slip that along `H_tn`; without either zero.
+/// The unit vector along the slip; without slip, which may be rounding of the approach, that along `H_tn`; without either zero.
 fn direction<T: RealField + Copy>(contact: &Contact<T>) -> Vector2<T> {
-    let along = |x: &Vector2<T>| {
+    let along = |x: &Vector2<T>, least: T| {
         let size = length(x);
-        (size > T::zero()).then(|| x / size)
+        (size > least).then(|| x / size)
     };
-    along(&contact.slip).or_else(|| along(&contact.coupling)).unwrap_or_else(Vector2::zeros)
+    let slip = along(&contact.slip, contact.v_n.abs() * rounding(CANCELLED));
+    slip.or_else(|| along(&contact.coupling, T::zero())).unwrap_or_else(Vector2::zeros)
 }
 
 /// The contact in the plane of its initial slip, `v_t >= 0`.
@@ -192,12 +194,6 @@ impl<T: RealField + Copy> Plane<T> {
     /// r₀, if there is one.
     fn critical(&self) -> Option<T> {
         (self.stops() > T::zero()).then(|| -self.slides() / self.stops())
-    }
-
-    /// `A C - B²` with one rounding of the products (Kahan).
-    fn determinant(&self) -> T {
-        let square = self.b * self.b;
-        self.a.mul_add(self.c, -square) + (-self.b).mul_add(self.b, square)
     }
 
     /// `C v_t⁺` at r = 0.

@@ -1,6 +1,9 @@
 //! Shared by the tests: random problems, and comparisons whose messages contain the numbers.
 
-use carom_impact::{AnyLaw, Coefficients, Constraint, ImpactError, ImpactOutcome, ImpactProblem, Law, SeveralProblem};
+use carom_impact::{
+    Accuracy, AnyLaw, Coefficients, Constraint, ImpactError, ImpactOutcome, ImpactProblem, Law, SeveralOutcome,
+    SeveralProblem,
+};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Rotation3, SMatrix, SVector, Vector2, Vector3, matrix};
 
 /// The laws that follow the slip.
@@ -149,6 +152,16 @@ pub fn stop(restitution: f64) -> Constraint {
 
 pub fn problem(h: DMatrix<f64>, u: DVector<f64>, constraints: Vec<Constraint>) -> SeveralProblem {
     SeveralProblem::new(h, u, constraints).unwrap()
+}
+
+/// Moreau's law.
+pub fn moreau(problem: &SeveralProblem) -> SeveralOutcome {
+    problem.simultaneous(&Accuracy::default(), None).unwrap()
+}
+
+/// The outcome of Moreau's law for a problem.
+pub fn solve(h: DMatrix<f64>, u: DVector<f64>, constraints: Vec<Constraint>) -> SeveralOutcome {
+    moreau(&problem(h, u, constraints))
 }
 
 /// A random motion of a random mechanism, `J Jᵀ` and `J v`.

@@ -80,7 +80,7 @@ class Flags(_enum.IntFlag):
 
 
 def _measured(data):
-    """The kind of the measurements that are given, and its arguments."""
+    """The kind of the measurements among the arguments of a function, and its arguments."""
     kinds = {
         "contact": ("delassus", "u_minus", "u_plus"),
         "joints": ("chain", "q", "qd_minus", "qd_plus", "frame", "normal"),
@@ -153,31 +153,14 @@ def fit(
         FitError: too few measurements, an option out of its range, a contact that does not approach.
         TypeError: data of no or of several kinds.
     """
-    options = {
-        "law": law,
-        "loss": loss,
-        "inertia": inertia,
-        "max_friction": max_friction,
-        "train": train,
-        "seed": seed,
-        "confidence": confidence,
-    }
-    kind, data = _measured(
-        {
-            "delassus": delassus,
-            "u_minus": u_minus,
-            "u_plus": u_plus,
-            "chain": chain,
-            "q": q,
-            "qd_minus": qd_minus,
-            "qd_plus": qd_plus,
-            "frame": frame,
-            "point": point,
-            "normal": normal,
-            "tosses": tosses,
-        }
-    )
+    given = locals()  # the arguments by name
+    options = {name: given[name] for name in ("law", "loss", "inertia", "max_friction", "train", "seed", "confidence")}
+    kind, data = _measured(given)
     if kind != "tosses":
+        of_tosses = ("robot", "tolerance", "contact_step", "length", "start", "horizon")
+        idle = [name for name in of_tosses if given[name] != fit.__kwdefaults__[name]]
+        if idle:
+            raise TypeError(f"{', '.join(idle)} is given, and belongs to tosses: leave it out")
         return _carom.fit_impacts(data, options)
     return _carom.fit_tosses(tosses, robot, tolerance, contact_step, length, start, horizon, options)
 
@@ -229,34 +212,11 @@ def compare(
         FitError: too few measurements, an option out of its range, data that cannot be read.
         TypeError: data of no or of several kinds.
     """
-    kind, measured = _measured(
-        {
-            "delassus": delassus,
-            "u_minus": u_minus,
-            "u_plus": u_plus,
-            "chain": chain,
-            "q": q,
-            "qd_minus": qd_minus,
-            "qd_plus": qd_plus,
-            "frame": frame,
-            "point": point,
-            "normal": normal,
-            "data": data,
-        }
-    )
+    given = locals()  # the arguments by name
+    kind, measured = _measured(given)
     paths = [] if kind != "data" else [data] if isinstance(data, (str, _os.PathLike)) else list(data)
-    options = {
-        "folds": folds,
-        "seed": seed,
-        "max_friction": max_friction,
-        "trials": trials,
-        "fitted": fitted,
-        "horizon": horizon,
-        "judge": judge,
-        "tolerance": tolerance,
-        "contact_step": contact_step,
-        "length": length,
-    }
+    own = ("folds", "seed", "max_friction", "trials", "fitted", "horizon", "judge", "tolerance", "contact_step", "length")
+    options = {option: given[option] for option in own}
     return _carom.compare(name, {} if paths else measured, paths, options)
 
 
@@ -291,56 +251,4 @@ def record(run, to):
 
 
 # Without `map`: `from carom import *` keeps Python's own.
-__all__ = [
-    "Brach",
-    "CaromError",
-    "Chain",
-    "ChainError",
-    "ChatterjeeRuina",
-    "ContactProblem",
-    "ContactSolution",
-    "Diagram",
-    "Energetic",
-    "Energies",
-    "Event",
-    "Fit",
-    "FitError",
-    "Flags",
-    "Frictionless",
-    "Impact",
-    "ImpactError",
-    "Impacts",
-    "Law",
-    "LinearRun",
-    "Newton",
-    "Outcome",
-    "Poisson",
-    "PythonLaw",
-    "RecordError",
-    "Run",
-    "Scene",
-    "Sensitivity",
-    "Session",
-    "SessionState",
-    "SeveralImpact",
-    "SimulationError",
-    "Smith",
-    "StateError",
-    "Study",
-    "StudyError",
-    "Table",
-    "UrdfError",
-    "Whittaker",
-    "aim",
-    "basin",
-    "can_record",
-    "chart",
-    "compare",
-    "cycles",
-    "diagram",
-    "fit",
-    "law",
-    "orbit",
-    "record",
-    "tosses",
-]
+__all__ = sorted(name for name in globals() if not name.startswith("_") and name != "map")

@@ -180,7 +180,8 @@ class Brach(Law):
     Args:
         restitution: 0 to 1.
         friction: size of the impulse ratio, which is directed towards rest; 0 or more.
-        impulse_ratio: instead of friction, tangential over normal impulse, negative against the initial slip.
+        impulse_ratio: instead of friction, tangential over normal impulse, negative against the initial slip. Where the ratio
+            that ends the slip has the other sign, friction would act away from rest, and the tangential impulse is 0.
 
     Raises:
         ImpactError: a coefficient out of its range.
@@ -353,12 +354,15 @@ class Chain:
         """The configuration in which all coordinates are zero and quaternions are the identity, shape (nq,)."""
     @overload
     def random_configuration(self, rng: np.random.Generator | int | None = None, size: None = None) -> _Vector:
-        """Random configurations: uniform within the position limits of the joints, within ±π rad or ±1 m without limits;
-        floating joints within ±1 m and with a uniform rotation.
+        """Random configurations: uniform within the position limits of the joints, those of mimic joints included, within ±π rad or ±1 m
+        without limits; floating joints within ±1 m and with a uniform rotation.
 
         Args:
             rng: a numpy.random.Generator, or a seed of one.
             size: None for one configuration of shape (nq,), or their number B for the shape (B, nq).
+
+        Raises:
+            ChainError: limits of mimic joints that leave a joint no position.
         """
     @overload
     def random_configuration(self, rng: np.random.Generator | int | None = None, *, size: int) -> _Matrix: ...
@@ -441,7 +445,7 @@ class Chain:
                 "without-rotation": the link does not turn, and of these the ones of the least kinetic energy.
 
         Raises:
-            ChainError: no joint velocities give the point this velocity.
+            ChainError: no joint velocities give the point this velocity; an unknown motion.
         """
     def impact_loads(
         self, q: ArrayLike, change: ArrayLike, frame: str, impulse: ArrayLike, *, point: ArrayLike | None = None
@@ -609,10 +613,10 @@ class Chain:
                 with a normal for each state.
             law: an impact law like carom.Energetic(0.5, 0.2), a function of H and u, or a list of them.
             restitution, friction: instead of the coefficients of the law, numbers or shape (B,); not for a function.
-            joints: "free", "locked", a list of names of locked joints, or a dict of stiffness, damping (numbers or shape (nv,))
-                and contact_time (s) of drives that act during the impact.
-            derivatives: also computes the derivatives of qd_plus by q, qd, restitution and friction.
-            saltation: also computes the saltation matrix for an impact with a plane at rest.
+            joints: "free", "locked", a list of names of locked joints, or a dict of stiffness, damping (one number for all joints but a
+                floating base, or shape (nv,)) and contact_time (s) of drives that act during the impact.
+            derivatives: also computes the derivatives of qd_plus by q, qd, restitution and friction; with free joints only.
+            saltation: also computes the saltation matrix for an impact with a plane at rest; with free joints only.
             gravity: acceleration of free fall for the saltation matrix, world axes, m/s²; (0, 0, -9.81) by default.
             band: ((e_low, e_high), (mu_low, mu_high)): also computes bounds over these ranges of the coefficients.
 
@@ -991,7 +995,8 @@ class Impact:
 class Impacts:
     """Impacts of a batch of B states.
 
-    `impacts[k]` is the Impact of state k; a slice, an array of numbers or one of B booleans gives the Impacts of these states.
+    `impacts[k]` is the Impact of state k; a slice, an array of numbers or one of B booleans gives the Impacts of these states. Its arrays
+    are read-only: copy one to change it.
     """
     def __new__(cls, _: Never, /) -> Self: ...
     @property
@@ -1054,6 +1059,9 @@ class Impacts:
 
         Args:
             name: "energy-gain", "jam", "singular", "grazing", "non-unique" or "no-approach".
+
+        Raises:
+            ImpactError: an unknown name.
         """
     @property
     def derivatives(self) -> dict[str, _Floats] | None:
@@ -1443,7 +1451,7 @@ class Session:
         """Returns to a saved state of this session or of another one of the same scene.
 
         Raises:
-            SimulationError: a state of another scene.
+            SimulationError: a state of a scene with other joints or contacts.
         """
     def restart(self, q: ArrayLike, qd: ArrayLike) -> None:
         """Starts again from another state at the present time; contacts, energies and the count of events begin anew.
@@ -1601,17 +1609,20 @@ class LinearRun:
         """The times of the events (s), each with the names of what happens."""
     def jvp(self, change: ArrayLike) -> tuple[_Floats, _Floats]:
         """The changes of the final displacement and velocity, shape (2 nv,), and of the times of the events, by a change of the numbers of
-        `names`, shape (columns,). Changes of times whose digits do not count are nan.
+        `names`, shape (columns,), or of a batch of B of them, shape (B, columns): then (B, 2 nv) and (B, events). Changes of times whose digits
+        do not count are nan.
 
         Raises:
             StateError: a wrong number of changes.
         """
     def vjp(self, last: ArrayLike, times: ArrayLike | None = None) -> _Floats:
         """The gradient of a number by the numbers of `names`, shape (columns,), from its derivatives by the final displacement and
-        velocity, shape (2 nv,), and by the times of the events, shape (events,).
+        velocity, shape (2 nv,), and by the times of the events, shape (events,); of B numbers at once from (B, 2 nv) and (B, events), shape (B,
+        columns).
 
         Raises:
-            SimulationError: a wrong number of derivatives, one by a time whose digits do not count.
+            StateError: a wrong number of derivatives.
+            SimulationError: a derivative by a time whose digits do not count.
         """
 
 class Event:
@@ -1721,7 +1732,8 @@ class Study:
     def advise(self) -> dict[str, Any]:
         """The best rows under the conditions in [advise] of the study: a dict of "column", "goal", "fulfil" (number of rows that
         fulfil them), "best_median_worst" (or None) and "best", a list of dicts of "row", "q" (nq,), "values" and, for a redundant
-        arm, "self_motion" (q and values at the best pose along its self-motion, or None).
+        arm, "self_motion" (q and values at the best pose along its self-motion, or None). The rows of "best" are local optima of the
+        map: those without a better neighbour on an axis of numbers.
 
         Raises:
             StudyError: a study without [advise].
@@ -1800,7 +1812,7 @@ def diagram(H: ArrayLike, u: ArrayLike, friction: float, outcomes: Sequence[Outc
         "symbol" ("law", "start", "turn", "stop") and "at", shape (2,)) and "svg", the picture.
 
     Raises:
-        ImpactError: the contact does not approach, or H is singular.
+        ImpactError: the contact does not approach, H is singular, or friction is negative.
     """
 @overload
 def map(study: Study | _Path | Mapping[str, Any], out: None = None, *, folder: _Path = ".") -> Table:

@@ -2,6 +2,7 @@
 
 import concurrent.futures
 import os
+import re
 
 import numpy as np
 
@@ -52,6 +53,14 @@ class Run(_Function):
     """The state at the end of a run, by that at its start and by numbers of keys."""
 
     def __init__(self, scene, keys):
+        if isinstance(keys, str):
+            raise TypeError(f"wrt is the text '{keys}': give a list of paths, [\"{keys}\"]")
+        keys = list(keys)
+        for key in keys:
+            if keys.count(key) > 1:
+                raise ValueError(f"wrt has {key} twice: name each number once")
+            if re.fullmatch(r"robot(\[\d+\])?\.(q|qd|tip_velocity)\b.*", key):
+                raise ValueError(f"wrt has {key}: the start is given by the arguments q and qd")
         super().__init__([1, 1] + [0] * len(keys), [scene.chain.nq, scene.chain.nv])
         self.scene, self.keys = scene, keys
 
@@ -90,6 +99,12 @@ def _tangent(chain, q):
     """The rates of q at unit velocities, (B, nq, nv)."""
     unit = np.eye(chain.nv)
     return np.stack([chain.q_rate(q, np.broadcast_to(it, (len(q), chain.nv))) for it in unit], axis=-1)
+
+
+def check_law(law):
+    """Refuses lists of laws, of which `carom.Chain.impact` would make as many impacts."""
+    if isinstance(law, (list, tuple)):
+        raise TypeError(f"law is a {type(law).__name__} of {len(law)}: give one law, and make a function for each")
 
 
 def function_of_impact(chain, frame, normal, law, point, joints, given):

@@ -90,11 +90,18 @@ def write(
         solution: result of `carom.ContactProblem.solve` for Moreau's law, or a `Solution`, which is written beside the problem.
 
     Raises:
-        FclibError: the problem has other constraints than contacts.
+        FclibError: the problem has other constraints than contacts; a solution of another problem.
     """
     for k, kind in enumerate(problem.kinds):
         if kind != "contact":
             raise FclibError(f'{_os.fspath(path)}: constraint {k} is of the kind "{kind}": FCLIB has contacts alone')
+    if solution is not None:
+        for name in ("impulse", "u_plus"):
+            found, needed = _np.shape(getattr(solution, name)), problem.u_free.shape
+            if found != needed:
+                raise FclibError(
+                    f"{_os.fspath(path)}: solution.{name} has the shape {found}: {needed} is needed, a number for each row of the problem"
+                )
     to_carom = _to_carom(len(problem.friction), 3)
     w = problem.delassus[_np.ix_(to_carom, to_carom)]
     rows, columns = _np.nonzero(w)

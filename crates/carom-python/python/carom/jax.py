@@ -31,6 +31,8 @@ def impact(
         instead of those of the law, and differentiated.
     """
 
+    _autodiff.check_law(law)
+
     def velocities(q: _Any, qd: _Any, restitution: _Any = None, friction: _Any = None) -> _jax.Array:
         given = {"restitution": restitution, "friction": friction}
         function, numbers = _autodiff.function_of_impact(chain, frame, normal, law, point, joints, given)
@@ -49,7 +51,7 @@ def run(scene: _Scene, wrt: _Sequence[str] = ()) -> _Callable[..., tuple[_jax.Ar
     Returns:
         A function ``f(q, qd, *numbers)``, with a number for each of ``wrt``, that returns q and qd at the end, shapes (nq,) and (nv,).
     """
-    own = _autodiff.Run(scene, list(wrt))
+    own = _autodiff.Run(scene, wrt)
     function = _differentiable(own)
 
     def state(q: _Any, qd: _Any, *numbers: _Any) -> tuple[_jax.Array, _jax.Array]:

@@ -31,6 +31,8 @@ def impact(
         are used instead of those of the law, and differentiated.
     """
 
+    _autodiff.check_law(law)
+
     def velocities(q: _Any, qd: _Any, restitution: _Any = None, friction: _Any = None) -> _torch.Tensor:
         given = {"restitution": restitution, "friction": friction}
         function, numbers = _autodiff.function_of_impact(chain, frame, normal, law, point, joints, given)
@@ -50,7 +52,7 @@ def run(scene: _Scene, wrt: _Sequence[str] = ()) -> _Callable[..., tuple[_torch.
         A function ``f(q, qd, *numbers)``, with a number for each of ``wrt``, that returns q and qd at the end, shapes (nq,) and (nv,),
         with the leading axes of the arguments.
     """
-    function = _autodiff.Run(scene, list(wrt))
+    function = _autodiff.Run(scene, wrt)
 
     def state(q: _Any, qd: _Any, *numbers: _Any) -> tuple[_torch.Tensor, _torch.Tensor]:
         function.check(numbers)

@@ -2,6 +2,7 @@
 
 use super::law::ContactLaw;
 use crate::error::SimError;
+use crate::state::EQUAL;
 use carom_impact::{
     Bristle, Damping, HuntCrossley, ImpactError, KelvinVoigt, NormalForce, SmoothedCoulomb, TangentialForce,
     WaltonBraun,
@@ -106,6 +107,32 @@ impl Slack {
     }
 }
 
+/// What the slider of a bristle carries.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Grip {
+    /// The force at which the whole slip would bend the bristle, N, world.
+    pub force: Vector3<f64>,
+    /// The limit of friction, N, beyond which the slider slips.
+    pub limit: f64,
+}
+
+impl Grip {
+    /// What is left to the limit, N; negative where the slider slips.
+    pub fn margin(&self) -> f64 {
+        self.limit - self.force.norm()
+    }
+
+    /// The rounding of what is left, N.
+    pub fn rounding(&self) -> f64 {
+        EQUAL * (self.limit + self.force.norm())
+    }
+
+    /// The direction in which the slider slips, a unit vector, world; `None` where it holds.
+    pub fn slips(&self) -> Option<Vector3<f64>> {
+        self.force.try_normalize(self.limit)
+    }
+}
+
 /// Force of a compliant contact, N, and rate of the bristle's deflection, m/s; world.
 pub(crate) struct Pressed {
     pub force: Vector3<f64>,
@@ -161,6 +188,24 @@ impl Compliance {
         }
     }
 
+    /// What the slider of the bristle carries; `None` without friction by a bristle.
+    pub(crate) fn grip(
+        &self,
+        law: &ContactLaw,
+        memory: &Memory,
+        (gap, rate): (f64, f64),
+        normal: &Vector3<f64>,
+        u: &Vector3<f64>,
+    ) -> Result<Option<Grip>, SimError> {
+        let Holding::Bristle { stiffness, damping } = self.tangential else { return Ok(None) };
+        if law.friction() == 0.0 {
+            return Ok(None);
+        }
+        let size = self.size(law, memory, (gap, rate))?;
+        let bent = memory.deflection * stiffness + u * damping;
+        Ok(Some(Grip { force: bent - normal * normal.dot(&bent), limit: law.friction() * size.max(0.0) }))
+    }
+
     /// The normal force law for a restitution.
     pub(crate) fn normal(&self, restitution: f64) -> Result<NormalForce, ImpactError> {
         let k = self.stiffness;
@@ -199,6 +244,13 @@ impl Compliance {
         self.tangential(law.friction()).map(drop).map_err(named)
     }
 
+    /// The normal force, N.
+    fn size(&self, law: &ContactLaw, memory: &Memory, (gap, rate): (f64, f64)) -> Result<f64, SimError> {
+        // Rounding and the last step of a contact reach beyond d = 0: without a jump of the dashpot's force there.
+        let penetration = (-gap).max(f64::MIN_POSITIVE);
+        Ok(self.normal(law.restitution())?.force(penetration, -rate, memory.damping, memory.deepest))
+    }
+
     /// The force on the robot for a gap, its rate, and the velocity `u` relative to the surface.
     pub(crate) fn press(
         &self,
@@ -209,9 +261,7 @@ impl Compliance {
         u: &Vector3<f64>,
     ) -> Result<Pressed, SimError> {
         let along = |v: &Vector3<f64>| v - normal * normal.dot(v);
-        // Rounding and the last step of a contact reach beyond d = 0: without a jump of the dashpot's force there.
-        let penetration = (-gap).max(f64::MIN_POSITIVE);
-        let size = self.normal(law.restitution())?.force(penetration, -rate, memory.damping, memory.deepest);
+        let size = self.size(law, memory, (gap, rate))?;
         let (law, slip, deflection) = (self.tangential(law.friction())?, along(u), along(&memory.deflection));
         let force = normal * size + law.force(&deflection, &slip, size);
         Ok(Pressed { force, bends: law.rate(&deflection, &slip, size) })

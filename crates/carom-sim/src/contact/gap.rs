@@ -151,9 +151,8 @@ impl Touch {
                 }
                 None => place(pair, view, pair.nearest(view, shift)),
             },
-            TouchKind::Limit { q: at, bound, sign, .. } => {
-                let gap = if *sign < 0.0 { bound - q[*at] } else { q[*at] - bound };
-                At { gap, margin: f64::INFINITY, surface: None }
+            TouchKind::Limit { q: at, bound, slope, .. } => {
+                At { gap: slope * (q[*at] - bound), margin: f64::INFINITY, surface: None }
             }
         }
     }
@@ -210,7 +209,7 @@ impl Touch {
     pub(crate) fn rate<A: Space>(&self, at: &At<A>, view: &View<A>, qd: &[f64], time: f64) -> Result<f64, SimError> {
         match at.surface {
             Some(place) => Ok(place.normal.dot(&self.u(&place, view, qd, time)?)),
-            None => Ok(self.stops().map_or(0.0, |(v, sign)| sign * qd[v])),
+            None => Ok(self.stops().map_or(0.0, |(v, slope)| slope * qd[v])),
         }
     }
 
@@ -244,7 +243,7 @@ impl Touch {
     pub(crate) fn row_into<A: Space>(&self, at: &At<A>, view: &View<A>, row: &mut [f64]) -> Result<(), SimError> {
         match at.surface {
             Some(place) => place.row_into(view, place.normal, row)?,
-            None => self.stops().into_iter().for_each(|(v, sign)| row[v] += sign),
+            None => self.stops().into_iter().for_each(|(v, slope)| row[v] += slope),
         }
         Ok(())
     }

@@ -16,7 +16,7 @@ mod touch;
 
 pub use by_speed::RestitutionBySpeed;
 pub use compliance::{Compliance, Holding, Yielding};
-pub(crate) use compliance::{Memory, Slack};
+pub(crate) use compliance::{Grip, Memory, Slack};
 pub(crate) use condition::ClosesWhile;
 pub(crate) use friction::friction_bound;
 pub(crate) use gap::{At, BallOnPlane, Place};

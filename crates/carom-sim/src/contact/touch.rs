@@ -42,8 +42,9 @@ pub(crate) enum TouchKind {
     /// Any other pair of bodies: a contact of two of their parts, or (`None`) their nearest points. A pair that is divided
     /// has touches of both kinds; its nearest points then are a contact only where no contact of parts is as near.
     Pair { pair: Arc<Pair>, part: Option<Meeting> },
-    /// A joint limit, with the sign of the force that it exerts.
-    Limit { joint: String, q: usize, v: usize, bound: f64, sign: f64 },
+    /// A limit of a joint, at `bound` of the coordinate q that it has or follows: its gap is `slope` · (q − bound), in the unit of the joint. A
+    /// joint that follows has its multiplier as the size of the slope.
+    Limit { joint: String, q: usize, v: usize, bound: f64, slope: f64 },
 }
 
 /// The possible contacts, and the pairs that cannot touch, each with its reason.
@@ -213,13 +214,13 @@ impl Touch {
             for (bound, side) in [(joint.limits.lower, "lower"), (joint.limits.upper, "upper")] {
                 let Some(bound) = bound.map(|bound| (bound - offset) / multiplier) else { continue };
                 let upper = (side == "upper") == (multiplier > 0.0);
-                let sign = if upper { -1.0 } else { 1.0 };
-                let kind = TouchKind::Limit { joint: joint.name.clone(), q, v, bound, sign };
+                let slope = if upper { -multiplier.abs() } else { multiplier.abs() };
+                let kind = TouchKind::Limit { joint: joint.name.clone(), q, v, bound, slope };
                 let name = format!("{side} limit of {}", joint.name);
                 let contact = ContactRule::new(Frictionless { restitution });
                 let new = Self { name, contact, kind, surface: None, motion: None, closes_while: None };
                 let known = touches.iter_mut().find_map(|touch| match touch.kind {
-                    TouchKind::Limit { q: own, sign: side, bound, .. } if own == q && side == sign => {
+                    TouchKind::Limit { q: own, slope: other, bound, .. } if own == q && (other < 0.0) == upper => {
                         Some((touch, bound))
                     }
                     _ => None,
@@ -240,7 +241,8 @@ impl Touch {
     /// A name that means none, with those that there are.
     #[doc(hidden)] // for problem files
     pub fn named(touches: &[Self], name: &str) -> Result<Vec<usize>, String> {
-        let meant = |touch: &Self| touch.name == name || touch.link() == Some(name) || touch.limit_of() == Some(name);
+        let links = |touch: &Self| touch.link() == Some(name) || touch.shapes().any(|shape| shape.link() == name);
+        let meant = |touch: &Self| touch.name == name || links(touch) || touch.limit_of() == Some(name);
         let found: Vec<usize> = (0..touches.len()).filter(|k| meant(&touches[*k])).collect();
         if found.is_empty() {
             let known: Vec<&str> = touches.iter().map(|touch| touch.name.as_str()).collect();
@@ -285,10 +287,10 @@ impl Touch {
         }
     }
 
-    /// The coordinate of qd that a joint limit stops, and the sign of the joint force that it exerts.
+    /// The coordinate of qd that a joint limit stops, and the derivative of its gap by it: the force on the coordinate for a unit of its own.
     pub(crate) fn stops(&self) -> Option<(usize, f64)> {
         match &self.kind {
-            TouchKind::Limit { v, sign, .. } => Some((*v, *sign)),
+            TouchKind::Limit { v, slope, .. } => Some((*v, *slope)),
             _ => None,
         }
     }

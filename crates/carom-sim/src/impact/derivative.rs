@@ -239,20 +239,22 @@ pub(crate) struct Derivatives {
     pub friction: DVector<f64>,
 }
 
-/// The derivatives of qd⁺ from the columns of J and their rates, the rows of X, and the derivative of the law.
+/// The derivatives of qd⁺ from the columns of J and their rates, the rows of X, and the derivative of the law. `bind` changes
+/// the answer of the velocities in direction k by what closed loops prevent.
 pub(crate) fn differentiate<A: Algebra<Scalar = f64>, const D: usize>(
     kin: &mut Kinematics<A>,
     qd: &[f64],
     (rows, rates): (&[SVector<f64, D>], &RowRates<D>),
     response: &[SVector<f64, D>],
     law: &LawDerivative<D>,
+    bind: impl Fn(usize, &mut [f64]),
 ) -> Result<Derivatives, SimError> {
     let nv = qd.len();
     let columns: [Vec<f64>; D] = std::array::from_fn(|b| response.iter().map(|x| x[b]).collect());
     let bent = kin.quadratic_derivatives(columns.each_ref().map(Vec::as_slice));
     let impulse = law.outcome.impulse;
     let jump: Vec<f64> = response.iter().map(|x| x.dot(&impulse)).collect();
-    let [turned] = kin.mass_matrix_derivatives([&jump]);
+    let turned = kin.mass_matrix_derivatives(&jump);
     // δJᵀP − δM X P for each direction; M does not depend on time, which is the direction after those of q.
     let (mut forces, mut moved) = (Rows::new(nv), Rows::new(nv));
     for k in 0..rates.surface.len() {
@@ -266,6 +268,7 @@ pub(crate) fn differentiate<A: Algebra<Scalar = f64>, const D: usize>(
     }
     kin.respond(&forces, &mut moved)?;
     for (k, moved) in moved.iter_mut().enumerate() {
+        bind(k, moved);
         let mut delassus = SMatrix::<f64, D, D>::zeros();
         let mut u_minus = -rates.surface[k];
         for ((rate, x), qd) in rates.columns(k).iter().zip(response).zip(qd) {

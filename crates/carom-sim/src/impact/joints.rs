@@ -42,6 +42,18 @@ impl JointModel<'_> {
         matches!(self, Self::Locked(_) | Self::AllLocked)
     }
 
+    /// One number for all joints: that of each velocity coordinate, 0 for those of floating joints, which have no drive.
+    #[doc(hidden)]
+    pub fn for_all_joints(chain: &Chain, number: f64) -> Vec<f64> {
+        let mut all = vec![0.0; chain.nv()];
+        for joint in chain.joints().iter().filter(|joint| joint.kind != JointType::Floating) {
+            if let Coordinates::Own { v, .. } = &joint.coordinates {
+                all[v.clone()].fill(number);
+            }
+        }
+        all
+    }
+
     /// The diagonal of W; empty if it is zero.
     pub(super) fn added_inertia(&self, chain: &Chain) -> Result<Vec<f64>, SimError> {
         if *self == Self::Free {
@@ -61,13 +73,7 @@ impl JointModel<'_> {
                     added[v.clone()].fill(f64::INFINITY);
                 }
             }
-            Self::AllLocked => {
-                for joint in chain.joints().iter().filter(|joint| joint.kind != JointType::Floating) {
-                    if let Coordinates::Own { v, .. } = &joint.coordinates {
-                        added[v.clone()].fill(f64::INFINITY);
-                    }
-                }
-            }
+            Self::AllLocked => added = Self::for_all_joints(chain, f64::INFINITY),
             Self::Impedance { stiffness, damping, contact_time } => {
                 chain.check_v("stiffness", stiffness)?;
                 chain.check_v("damping", damping)?;

@@ -70,6 +70,15 @@ impl<'a> PreparedStrike<'a> {
         }
     }
 
+    /// Checks that every coordinate that the drives do not hold moves mass or inertia at some configuration.
+    ///
+    /// # Errors
+    /// [`SimError::Chain`] with the links that move without mass.
+    #[doc(hidden)]
+    pub fn check_dynamics(&self) -> Result<(), SimError> {
+        Ok(self.aim.chain.check_dynamics_with(&self.aim.added)?)
+    }
+
     /// Memory for one result.
     pub fn outcome(&self) -> ChainImpact {
         ChainImpact::empty(self.aim.chain.nv())
@@ -352,7 +361,7 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const 
         let mut workspace = self.chain.workspace();
         let mut kin = workspace.update(self.chain, q)?;
         let rates = RowRates::of_point(&kin, (self.point, SVector::zeros()), &self.axes, qd.len());
-        let by = differentiate(&mut kin, qd, (&rows, &rates), &response, &law)?;
+        let by = differentiate(&mut kin, qd, (&rows, &rates), &response, &law, |_, _| {})?;
         let mut hit = ChainImpact::empty(qd.len());
         self.carry(aim, (q, qd), outcome, &mut hit)?;
         Ok(ImpactDerivative { hit, q: by.q, qd: by.qd, restitution: by.restitution, friction: by.friction })

@@ -72,7 +72,7 @@ pub fn saltation<C: ContactRows>(
     let delassus: Matrix3<f64> = columns.iter().zip(&response).map(|(j, x)| j * x.transpose()).sum();
     let law = ImpactProblem::new(delassus, &rows * &velocities - surface)?.differentiate(law)?;
     let rates = contact.rates(&kin, q, *time)?;
-    let by = differentiate(&mut kin, qd, (&columns, &rates), &response, &law)?;
+    let by = differentiate(&mut kin, qd, (&columns, &rates), &response, &law, |_, _| {})?;
 
     let impulse = law.outcome.impulse;
     let after = DVector::from_fn(nv, |i, _| qd[i] + response[i].dot(&impulse));

@@ -226,9 +226,13 @@ impl<'a> Strike<'a> {
     /// m/s²) before and after it: see [`saltation`](crate::saltation()).
     ///
     /// # Errors
-    /// As [`Strike::derivative`]; [`SimError::Setting`] if the contact point does not approach the plane.
+    /// As [`Strike::derivative`], with held joints too; [`SimError::Setting`] if the contact point does not approach the plane.
     pub fn saltation(&self, law: &dyn Law<f64, 3>, gravity: impl Into<Vector3<f64>>) -> Result<Saltation, SimError> {
-        let (plane, gravity) = (self.aim()?.plane(), gravity.into());
+        let (aim, gravity) = (self.aim()?, gravity.into());
+        if !aim.added.is_empty() {
+            return Err(SimError::DerivativeOfHeldJoints);
+        }
+        let plane = aim.plane();
         let Self { chain, q, qd, .. } = self;
         let moment = Moment { time: 0.0, q: q.to_vec(), qd: qd.to_vec() };
         saltation(chain, &moment, &plane, law, |at| {

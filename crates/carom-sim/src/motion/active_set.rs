@@ -1,7 +1,9 @@
 //! The active set of a motion: what lasts between two events, the closed contacts with their modes and the joints with dry friction.
 
-use crate::contact::{ContactMode, ContactRule, Memory, Slack, Touch};
+use crate::contact::{Compliance, ContactMode, ContactRule, Grip, Memory, Slack, Touch};
+use crate::error::SimError;
 use crate::model::Simulation;
+use crate::state::{Space, View};
 use nalgebra::Vector3;
 
 /// The closed contacts and the joints with dry friction, with what drives and decisions ask of the past. It is copied where a motion
@@ -44,11 +46,6 @@ impl ActiveSet {
         } else {
             sim.touches[touch].robots(&sim.chain).for_each(|robot| self.was_hit[robot.v.clone()].fill(true));
         }
-    }
-
-    /// Whether a contact sticks.
-    pub fn sticks(&self, touch: usize) -> bool {
-        self.lasting.iter().any(|own| own.touch == touch && own.hold == Hold::Sticks)
     }
 
     /// Whether both have the same contacts in the same modes.
@@ -120,6 +117,22 @@ impl Lasting {
         let Hold::Presses { damping, deepest } = self.hold else { return None };
         let memory = Memory { damping, deepest, deflection: Vector3::zeros() };
         rule.compliance?.slack(&rule.law, &memory, gap)
+    }
+
+    /// What the slider of its bristle carries: see [`Compliance::grip`](crate::Compliance).
+    pub fn grip<A: Space>(
+        &self,
+        touch: &Touch,
+        deflection: Vector3<f64>,
+        (view, q, qd, time): (&View<A>, &[f64], &[f64], f64),
+    ) -> Result<Option<Grip>, SimError> {
+        let compliance = touch.contact.compliance.filter(Compliance::has_bristle);
+        let (Hold::Presses { damping, deepest }, Some(compliance)) = (self.hold, compliance) else { return Ok(None) };
+        let at = touch.at(view, q, time);
+        let Some(place) = at.surface else { return Ok(None) };
+        let u = touch.u(&place, view, qd, time)?;
+        let memory = Memory { damping, deepest, deflection };
+        compliance.grip(&touch.contact.law, &memory, (at.gap, place.normal.dot(&u)), &place.normal, &u)
     }
 
     /// Its mode.

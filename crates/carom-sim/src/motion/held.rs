@@ -26,7 +26,7 @@ use super::assembled::{Assembled, ConstraintForces, Force};
 use super::equations::Equations;
 use super::rows::push;
 use super::scale::SLOWEST;
-use super::smooth::Motion;
+use super::smooth::{Motion, deflection};
 use crate::contact::{At, Memory};
 use crate::error::SimError;
 use crate::state::{Space, View};
@@ -134,8 +134,7 @@ impl<A: Space> Motion<'_, A> {
             let touch = &sim.touches[own.touch];
             match own.hold {
                 Hold::Presses { damping, deepest } => {
-                    let slot = bristles.iter().position(|&k| k == own.touch).map(|k| 3 * k);
-                    let deflection = slot.map_or_else(Vector3::zeros, |k| Vector3::from_column_slice(&tail[k..k + 3]));
+                    let deflection = deflection(bristles, tail, own.touch);
                     let memory = Memory { damping, deepest, deflection };
                     let (Some(place), Some(compliance)) = (at.surface, touch.contact.compliance) else { continue };
                     let u = touch.u(&place, &view, qd, time)?;
@@ -249,14 +248,14 @@ impl<A: Space> Motion<'_, A> {
         // would seem to break loose.
         let limits = || self.active.lasting.iter().map(|own| self.sim.touches[own.touch].stops());
         for (k, joint) in self.active.dry.iter().enumerate().filter(|(_, joint)| joint.state == Dry::Holds) {
-            let pushed = limits().flatten().any(|(v, sign)| v == joint.v && sign * needed[v] >= 0.0);
+            let pushed = limits().flatten().any(|(v, slope)| v == joint.v && slope * needed[v] >= 0.0);
             if !pushed {
                 held.joints[k] = std::mem::take(&mut needed[joint.v]);
             }
         }
         for (contact, limit) in held.contacts.iter_mut().zip(limits()) {
-            if let Some((v, sign)) = limit {
-                contact.normal_force = sign * needed[v];
+            if let Some((v, slope)) = limit {
+                contact.normal_force = needed[v] / slope;
             }
         }
         Ok(())
@@ -300,7 +299,7 @@ impl<A: Space> Motion<'_, A> {
             let force = if own.is_rigid() {
                 let Some(contact) = rigid.next() else { break };
                 let force = contact.force(lambda.as_slice());
-                held.power[1] += force.dot(&contact.velocity);
+                held.power[1] += contact.power(&force);
                 let normal_force = contact.rows.clone().last().map_or(0.0, |last| lambda[last]);
                 Force { force, normal: contact.normal, normal_force, bends: Vector3::zeros() }
             } else {

@@ -76,6 +76,15 @@ impl Contact {
         self.directions.map_or_else(Vector3::zeros, |directions| along(&directions, &lambda[self.rows.clone()]))
     }
 
+    /// The power of its force at the velocity that the contact leaves: that of the surface along its rows. The velocities at which an integrator
+    /// evaluates a step differ from it by errors of low order, and would shorten the steps for the sake of this power.
+    pub fn power(&self, force: &Vector3<f64>) -> f64 {
+        match self.rows.len() {
+            3 => force.dot(&self.surface),
+            _ => force.dot(&(self.velocity - self.normal * self.normal.dot(&(self.velocity - self.surface)))),
+        }
+    }
+
     /// The vector in the tangent plane, world, with these components along the first two rows; zero for a joint limit.
     pub fn tangential(&self, along: &[f64]) -> Vector3<f64> {
         let Some(directions) = &self.directions else { return Vector3::zeros() };

@@ -56,7 +56,8 @@ impl Scale {
             levers[v.start..v.start + count].fill(1.0);
             lengths.extend(q.start..q.start + count);
         }
-        let per_touch = sim.touches.iter().map(|touch| touch.stops().map_or(1.0, |(v, _)| levers[v].recip())).collect();
+        let per_touch =
+            sim.touches.iter().map(|touch| touch.stops().map_or(1.0, |(v, slope)| slope.abs() / levers[v])).collect();
         Self { reach, length, pace, levers, lengths, per_touch, placed, extent: placed }
     }
 

@@ -6,13 +6,32 @@ use super::assembled::Assembled;
 use super::held::Detail;
 use super::rows::{Constraints, Level, direction_of_slip, push};
 use super::select::Candidate;
-use super::smooth::Motion;
-use crate::contact::Slack;
+use super::smooth::{Motion, deflection};
+use crate::contact::{Grip, Slack};
 use crate::error::SimError;
-use crate::state::{ContactImpulse, EXACT, GROWTH, ROUNDING, Space, View};
+use crate::state::{CLEAR, ContactImpulse, EXACT, GROWTH, ROUNDING, Space, View};
 use carom_chain::Rows;
 use carom_impact::least_norm;
 use nalgebra::{DMatrix, DVector, Vector3};
+
+/// A kink of the contact forces: where what it depends on has changed by so much.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Kink {
+    left: f64,
+    at: Vector3<f64>,
+}
+
+impl Kink {
+    fn zero(at: Vector3<f64>) -> Self {
+        Self { left: at.norm(), at }
+    }
+
+    /// How many changes like that from these to those lead to the nearest.
+    pub fn nearest(here: &[Self], there: &[Self]) -> f64 {
+        let steps = |(here, there): (&Self, &Self)| here.left / (there.at - here.at).norm();
+        here.iter().zip(there).map(steps).fold(f64::INFINITY, f64::min)
+    }
+}
 
 impl<A: Space> Motion<'_, A> {
     /// Projects a state onto the constraints of the present mode; returns whether it changed.
@@ -185,10 +204,10 @@ impl<A: Space> Motion<'_, A> {
         Ok(self.sliding(time, y)?.iter().map(Vector3::norm).fold(f64::INFINITY, f64::min))
     }
 
-    /// What is zero at the kinks of the contact forces: the [slips](Self::sliding), m/s, and as first components the
-    /// depths and speeds of compliant contacts beyond those at which their normal forces have kinks, m or m/s.
-    pub fn kinks(&mut self, time: f64, y: &[f64]) -> Result<Vec<Vector3<f64>>, SimError> {
-        let mut found = self.sliding(time, y)?;
+    /// The kinks of the contact forces: zeros of the [slips](Self::sliding), m/s, of the depths and speeds of compliant contacts beyond those at
+    /// which their normal forces have kinks, m or m/s, and the limits of sliders of bristles, N.
+    pub fn kinks(&mut self, time: f64, y: &[f64]) -> Result<Vec<Kink>, SimError> {
+        let mut found: Vec<Kink> = self.sliding(time, y)?.into_iter().map(Kink::zero).collect();
         for k in 0..self.active.lasting.len() {
             let own = self.active.lasting[k];
             let Hold::Presses { deepest, .. } = own.hold else { continue };
@@ -196,7 +215,13 @@ impl<A: Space> Motion<'_, A> {
             let turned = deepest.is_finite().then_some(gap + deepest);
             let slack = own.slack(&self.sim.touches[own.touch].contact, (gap, rate));
             let zeros = [Some(gap), turned, slack.map(Slack::value)];
-            found.extend(zeros.into_iter().flatten().map(|zero| Vector3::x() * zero));
+            found.extend(zeros.into_iter().flatten().map(|zero| Kink::zero(Vector3::x() * zero)));
+            // While the slider of a bristle slips, the direction of its force changes as that of slip does.
+            if let Some(grip) = self.grip(k, (time, y))? {
+                let left = 0.5 * grip.margin().abs();
+                found.extend([grip.force, Vector3::x() * grip.limit].map(|at| Kink { left, at }));
+                found.extend(grip.slips().map(|_| Kink::zero(grip.force)));
+            }
         }
         Ok(found)
     }
@@ -222,14 +247,44 @@ impl<A: Space> Motion<'_, A> {
         Ok(found)
     }
 
-    /// How far the normal force of a lasting contact is from vanishing: see [`Lasting::slack`].
-    pub fn slack(&mut self, index: usize, (time, y): (f64, &[f64])) -> Result<Option<Slack>, SimError> {
+    /// Whether the normal force of a lasting contact that is not open has vanished; where rounding decides, whether it does so now. `None` where
+    /// that cannot be: see [`Lasting::slack`].
+    pub fn has_vanished(&mut self, index: usize, (time, y): (f64, &[f64])) -> Result<Option<bool>, SimError> {
         let own = self.active.lasting[index];
         if own.is_rigid() {
             return Ok(None);
         }
         let gap = self.gap(own.touch, time, y)?;
-        Ok(own.slack(&self.sim.touches[own.touch].contact, gap))
+        let slack = own.slack(&self.sim.touches[own.touch].contact, gap);
+        Ok(slack.map(|slack| match slack {
+            Slack::Depth(left) if left.abs() <= self.scale.rounding() => gap.1 > 0.0,
+            slack => slack.value() < 0.0,
+        }))
+    }
+
+    /// The direction in which the slider of the bristle of a lasting contact slips, or none where it holds; where rounding decides, what it does
+    /// next. `None` without a slider.
+    pub fn slider(&mut self, index: usize, (time, y): (f64, &[f64])) -> Result<Option<Option<Vector3<f64>>>, SimError> {
+        let Some(grip) = self.grip(index, (time, y))? else { return Ok(None) };
+        if grip.margin().abs() > 2.0 * grip.rounding() {
+            return Ok(Some(grip.slips()));
+        }
+        let held = self.accelerations(time, y)?;
+        let mut rate = vec![0.0; y.len()];
+        self.rate(time, y, Some(&held), &mut rate)?;
+        let span = CLEAR / self.scale.pace;
+        let mut next: Vec<f64> = y.iter().zip(&rate).map(|(y, rate)| y + rate * span).collect();
+        self.sim.normalise(&mut next);
+        let next = self.grip(index, (time + span, &next))?.filter(|next| next.margin() < grip.margin());
+        Ok(Some(next.and_then(|next| next.force.try_normalize(0.0))))
+    }
+
+    /// What the slider of the bristle of a lasting contact carries: see [`Lasting::grip`].
+    pub fn grip(&mut self, index: usize, (time, y): (f64, &[f64])) -> Result<Option<Grip>, SimError> {
+        let (own, sim) = (self.active.lasting[index], self.sim);
+        let (q, qd) = sim.split(y);
+        let deflection = deflection(&self.bristles, &y[q.len() + qd.len() + 2..], own.touch);
+        own.grip(&sim.touches[own.touch], deflection, (&self.view(q)?, q, qd, time))
     }
 
     /// The direction of slip that has begun, where it is fast enough, follows from it from now on. Contacts that begin to slide at
@@ -246,8 +301,8 @@ impl<A: Space> Motion<'_, A> {
         self.follow_slip(time, y)
     }
 
-    /// Takes out the components of slip across the directions of slip, of the contacts that slide and stick in the mode `after`: by
-    /// impulses of friction across these directions, with those of the constraints. Slip whose direction turns ends so.
+    /// Takes out the components of slip across the directions of slip, of the contacts that slide, and stick or begin to slide in the mode
+    /// `after`: by impulses of friction across these directions, with those of the constraints. Slip whose direction turns ends so.
     pub fn straighten(&mut self, after: &ActiveSet, time: f64, y: &mut [f64]) -> Result<(), SimError> {
         let lasting = std::mem::take(&mut self.active.lasting);
         let mut found = std::mem::take(&mut self.assembled);
@@ -257,7 +312,11 @@ impl<A: Space> Motion<'_, A> {
         let mut across = Rows::new(nv);
         let mut errors = vec![0.0; found.constraints.rows.len()];
         let mut view = self.view(q)?;
-        for own in lasting.iter().filter(|own| after.sticks(own.touch)) {
+        let rests = |own: &&Lasting| {
+            let same = |now: &Lasting| now.touch == own.touch && matches!(now.hold, Hold::Sticks | Hold::Starts { .. });
+            after.lasting.iter().any(same)
+        };
+        for own in lasting.iter().filter(rests) {
             if let Hold::Slides { toward } = own.hold
                 && let Some(place) = sim.touches[own.touch].at(&view, q, time).surface
             {

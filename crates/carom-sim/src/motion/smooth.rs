@@ -372,3 +372,9 @@ pub(crate) fn bristles(sim: &Simulation) -> Vec<usize> {
     let has = |k: &usize| sim.touches[*k].contact.compliance.is_some_and(|it| it.has_bristle());
     (0..sim.touches.len()).filter(has).collect()
 }
+
+/// The deflection of the bristle of a touch, world, m, from the end of a state; zero without one.
+pub(crate) fn deflection(bristles: &[usize], tail: &[f64], touch: usize) -> Vector3<f64> {
+    let slot = bristles.iter().position(|&k| k == touch).map(|k| 3 * k);
+    slot.map_or_else(Vector3::zeros, |k| Vector3::from_column_slice(&tail[k..k + 3]))
+}

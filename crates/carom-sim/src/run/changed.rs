@@ -4,9 +4,8 @@ use super::run_state::Run;
 use super::trajectory::{Sampling, Seen};
 use crate::error::{SimError, named};
 use crate::model::{Parameter, Place, Simulation};
-use crate::motion::ActiveSet;
+use crate::motion::{ActiveSet, Kink};
 use crate::state::Space;
-use nalgebra::Vector3;
 use std::cell::OnceCell;
 
 /// Step of the central differences of fourth order, relative to the size of the number that is changed: of events, and of forces and
@@ -168,33 +167,27 @@ impl<'a, 'w, A: Space> Changed<'a, 'w, A> {
         Ok(Four { stencil, sims, models: Some([a, b, c, d]) })
     }
 
-    /// Its runs in this mode, each with its weight in the derivative. `kinks`: what is zero at kinks of the forces, of a run in this mode and
-    /// here. The step is at most `SHORT` of what leads to the nearest.
+    /// Its runs in this mode, each with its weight in the derivative. `kinks`: those of the forces, of a run in this mode and here. The step is at most `SHORT` of what leads to the nearest.
     ///
     /// # Errors
     /// Those of [`Changed::runs_at`], and of `kinks`.
     pub fn runs_in(
         &mut self,
         active: &ActiveSet,
-        (here, kinks): (&[Vector3<f64>], impl Fn(&mut Run<'a, 'w, A>) -> Result<Vec<Vector3<f64>>, SimError>),
+        (here, kinks): (&[Kink], impl Fn(&mut Run<'a, 'w, A>) -> Result<Vec<Kink>, SimError>),
     ) -> Result<impl Iterator<Item = (&mut Run<'a, 'w, A>, f64)>, SimError> {
         let mut shorter = 0;
         if !here.is_empty() {
             let (stencil, _, runs) = self.runs_at(0)?;
             let run = &mut runs[stencil.beside()];
             run.motion.active.clone_from(active);
-            let steps = nearest(here, &kinks(run)?);
+            let steps = Kink::nearest(here, &kinks(run)?);
             shorter = ((SHORT * steps).log10().floor().min(0.0).abs() as usize).min(SHORTER);
         }
         let (stencil, by, runs) = self.runs_at(shorter)?;
         runs.iter_mut().for_each(|run| run.motion.active.clone_from(active));
         Ok(runs.iter_mut().zip(stencil.weights).map(move |(run, weight)| (run, weight / by)))
     }
-}
-
-/// How many changes like that from `here` to `there` lead to the nearest zero.
-pub(crate) fn nearest(here: &[Vector3<f64>], there: &[Vector3<f64>]) -> f64 {
-    here.iter().zip(there).map(|(here, there)| here.norm() / (there - here).norm()).fold(f64::INFINITY, f64::min)
 }
 
 /// A callback that does nothing; it has no size, so nothing is allocated.

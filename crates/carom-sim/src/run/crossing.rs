@@ -152,6 +152,9 @@ impl Struck {
 
 /// The derivatives of the impact of one touch, in closed form: by q (in its tangent space), q̇⁻, time and coefficients.
 ///
+/// Closed loops L q̇ = 0 bear the impulses Λ P: M X = Jᵀ + LᵀΛ with L X = 0. So the impact has the derivatives of one with the rows
+/// J̃ = J + ΛᵀL at constant Λ, which have the same H and u; and where L turns by δL the jump must do so: L δΔq̇ = −δL Δq̇.
+///
 /// `None` for a user's law and a restitution that depends on the approach speed, at the border of a mode of the law, where another gap is closed,
 /// and where the impact would move a joint that dry friction holds.
 pub(crate) fn jump<A: Space>(run: &mut Run<A>, touch: usize, before: &Before) -> Result<Option<Struck>, SimError> {
@@ -188,24 +191,13 @@ pub(crate) fn jump<A: Space>(run: &mut Run<A>, touch: usize, before: &Before) ->
         let columns = (0..nv).flat_map(|i| [0, 1, 2].map(|k| rows.row(k)[i]));
         Ok(DVector::from_iterator(3 * nv + 3, columns.chain(surface.iter().copied())))
     };
-    let split = |numbers: DVector<f64>| {
-        let mut columns: Vec<Vector3<f64>> = numbers.as_slice().chunks(3).map(Vector3::from_column_slice).collect();
+    let split = |numbers: &[f64]| {
+        let mut columns: Vec<Vector3<f64>> = numbers.chunks(3).map(Vector3::from_column_slice).collect();
         let surface = columns.pop().unwrap_or_default();
         (columns, surface)
     };
     let (q, qd) = (&x[..nq], &x[nq..nq + nv]);
-    let (columns, surface) = split(rows(run, time, q)?);
-    let tangent = run.tangent(x);
-    let mut rates = RowRates::zeros(nv, nv + 1);
-    for k in 0..nv {
-        let by = run.difference(x, tangent.column(k), f64::INFINITY, |run, x| rows(run, time, &x[..nq]))?;
-        rates.set(k, split(by));
-    }
-    if one.motion.is_some() {
-        let here = DVector::from_vec(vec![1.0]);
-        let by = run.difference(&[0.0], here.column(0), f64::INFINITY, |run, by| rows(run, time + by[0], q))?;
-        rates.set(nv, split(by));
-    }
+    let (mut columns, surface) = split(rows(run, time, q)?.as_slice());
     let mut view = run.motion.view(q)?;
     let (mut along, mut answers) = (Rows::new(nv), Rows::default());
     for axis in 0..3 {
@@ -227,5 +219,47 @@ pub(crate) fn jump<A: Space>(run: &mut Run<A>, touch: usize, before: &Before) ->
         return Ok(None);
     }
     let gap = columns.iter().map(|column| column.z).collect();
-    Ok(Some(Struck { jumped: differentiate(&mut view.kin, qd, (&columns, &rates), &response, &law)?, gap }))
+    let jump: Vec<f64> = response.iter().map(|x| x.dot(&law.outcome.impulse)).collect();
+    let loops = view.closed()?;
+    let mut borne = vec![Vector3::zeros(); loops.as_ref().map_or(0, |loops| loops.rows.len())];
+    if let Some(loops) = &loops {
+        let mut open = Rows::default();
+        view.kin.respond(&along, &mut open)?;
+        (0..3).for_each(|axis| loops.forces(open.row(axis), None).for_each(|(row, force)| borne[row][axis] = force));
+        for (row, borne) in loops.rows.iter().zip(&borne) {
+            columns.iter_mut().zip(row).for_each(|(column, l)| *column += borne * *l);
+        }
+    }
+    // The columns of J̃, the velocity of the surface, and L Δq̇.
+    let in_loops = |run: &mut Run<A>, time: f64, q: &[f64]| -> Result<DVector<f64>, SimError> {
+        let numbers = rows(run, time, q)?;
+        if borne.is_empty() {
+            return Ok(numbers);
+        }
+        let mut numbers: Vec<f64> = numbers.data.into();
+        let turned = run.motion.view(q)?.loop_rows()?;
+        for (row, borne) in turned.iter().zip(&borne) {
+            (0..nv).for_each(|i| (0..3).for_each(|k| numbers[3 * i + k] += row[i] * borne[k]));
+        }
+        numbers.extend((0..turned.len()).map(|row| turned.dot(row, &jump)));
+        Ok(numbers.into())
+    };
+    let size = 3 * nv + 3;
+    let tangent = run.tangent(x);
+    let mut rates = RowRates::zeros(nv, nv + 1);
+    let mut wanted = vec![vec![0.0; borne.len()]; nv + 1];
+    for k in 0..nv {
+        let by = run.difference(x, tangent.column(k), f64::INFINITY, |run, x| in_loops(run, time, &x[..nq]))?;
+        rates.set(k, split(&by.as_slice()[..size]));
+        wanted[k].iter_mut().zip(by.iter().skip(size)).for_each(|(wanted, opened)| *wanted = -opened);
+    }
+    if one.motion.is_some() {
+        let here = DVector::from_vec(vec![1.0]);
+        let by = run.difference(&[0.0], here.column(0), f64::INFINITY, |run, by| rows(run, time + by[0], q))?;
+        rates.set(nv, split(by.as_slice()));
+    }
+    let mut view = run.motion.view(q)?;
+    let bind = |k: usize, moved: &mut [f64]| loops.iter().for_each(|loops| loops.bind(moved, Some(&wanted[k])));
+    let jumped = differentiate(&mut view.kin, qd, (&columns, &rates), &response, &law, bind)?;
+    Ok(Some(Struck { jumped, gap }))
 }

@@ -34,7 +34,7 @@ use super::trajectory::EventKind;
 use super::variation::left_inverse;
 use crate::error::SimError;
 use crate::model::Place;
-use crate::motion::{ActiveSet, Dry, Lasting};
+use crate::motion::{ActiveSet, Dry, Hold, Lasting};
 use crate::state::{EXACT, Space};
 use nalgebra::{DMatrix, DVector};
 
@@ -78,7 +78,9 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
             return self.broken(time, "time steps begin, which have no derivative");
         }
         let is_force = guard.is_some_and(|guard| guard.is() == Is::Force);
-        let changes_no_force = matches!(guard, Some(Guard::MayClose(..) | Guard::Slackens(..)));
+        let slips = matches!(guard, Some(Guard::SlipStops(_) | Guard::SlipGrows(_)));
+        let changes_no_force =
+            slips || matches!(guard, Some(Guard::MayClose(..) | Guard::Slackens(..) | Guard::Slider(..)));
         if (guard.is_none() || is_force || changes_no_force) && self.goes_on(&before) {
             return Ok(None);
         }
@@ -205,10 +207,17 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
     }
 
     /// Whether the motion goes on as before. Kinks of forces that change no mode are such, and forces whose zero is located so early that
-    /// the mode is chosen once more: its change follows.
+    /// the mode is chosen once more: its change follows. So is slip that turns by a right angle, and slip from rest that becomes fast enough to define
+    /// its direction: friction follows it.
     fn goes_on(&self, before: &Before) -> bool {
         let (run, active) = (&self.run, &before.active);
-        let modes = active.lasting == run.motion.active.lasting && active.dry == run.motion.active.dry;
+        let same = |(own, now): (&Lasting, &Lasting)| match (own.hold, now.hold) {
+            (Hold::Slides { .. } | Hold::Starts { .. }, Hold::Slides { .. }) => own.touch == now.touch,
+            _ => own == now,
+        };
+        let now = &run.motion.active;
+        let lasting = active.lasting.len() == now.lasting.len() && active.lasting.iter().zip(&now.lasting).all(same);
+        let modes = lasting && active.dry == now.dry;
         modes && self.happened.borrow().is_empty() && run.time == before.time
     }
 
@@ -227,8 +236,7 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
             .filter(|(own, other)| own.state != Dry::Holds && other.state != Dry::Holds)
             .for_each(|(own, other)| own.state = other.state);
         let same = turned.is_alike(&after.active) && before.x.len() == after.x.len();
-        (gap && free && same && sim.loops.is_empty() && sim.neglect.is_none() && after.time == before.time)
-            .then_some(*touch)
+        (gap && free && same && sim.neglect.is_none() && after.time == before.time).then_some(*touch)
     }
 
     /// τ′ of a change of x, and of a parameter with it.

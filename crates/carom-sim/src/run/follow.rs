@@ -4,14 +4,14 @@
 
 use super::changed::{AT, Base, Changed, DIFFERENCE, Others, WEIGHTS, silent};
 use super::guard::Ending;
-use super::linear_run::{Maps, Piece};
+use super::linear_run::{LinearEvent, Maps, MovedKink, Piece};
 use super::run_state::Run;
 use super::trajectory::{Event, Sampling, Seen, Step};
 use super::variation::{LinearStep, left_inverse};
 use crate::error::SimError;
-use crate::model::{Parameter, Simulation};
+use crate::model::{Parameter, Place, Simulation};
 use crate::motion::{ActiveSet, Dry, Lasting};
-use crate::state::{Moment, Space};
+use crate::state::{Moment, ROUNDING, Space};
 use carom_chain::{Planar, PlanarChain, Spatial};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -181,7 +181,7 @@ impl<A: Space> Follow<'_, '_, A> {
 
     /// One leg, and the event at its end.
     fn leg(&mut self, each: &mut dyn Maps) -> Result<(), Stop> {
-        let mut active = self.run.motion.active.clone();
+        let (start, mut active) = (self.run.time, self.run.motion.active.clone());
         self.run.sampler.path = Some(Vec::new());
         let ending = self.run.leg()?;
         let path: Vec<Step> = self.run.sampler.path.take().unwrap_or_default();
@@ -190,23 +190,71 @@ impl<A: Space> Follow<'_, '_, A> {
             let linear = LinearStep::of(step, &mut self.probe, &mut self.changed)?;
             let failed =
                 || SimError::Integration { time: step.start, reason: "the variational equations are singular".into() };
-            each.step(step, active.impacts.iter().sum());
+            let after = self.probe.motion.active.clone(); // with the last direction of slip
+            each.step(step, active.impacts.iter().sum(), &mut || {
+                let points = Step::POINTS.map(|c| step.start + (step.end - step.start) * c);
+                let states = std::iter::once(&step.before).chain(&step.states);
+                let at = |(time, y): (f64, &Vec<f64>)| {
+                    let memory = self.probe.remembered();
+                    self.neighbours(time, &self.probe.x_of(y, &memory), &active)
+                };
+                std::iter::once(step.start).chain(points).zip(states).map(at).collect()
+            })?;
             each.add(Piece::Step(linear)).ok_or_else(failed)?;
-            active = self.probe.motion.active.clone(); // with the last direction of slip
+            self.probe.motion.active = after.clone();
+            active = after;
         }
-        match ending {
-            Ending::Passed => Ok(self.run.act(ending)?),
+        let moved = self.moved_kink(start, ending)?;
+        let mut event = match ending {
+            Ending::Passed => {
+                self.run.act(ending)?;
+                None
+            }
             Ending::Stuck(_) => {
                 let time = self.run.time;
                 self.run.act(ending)?;
-                self.broken(time, "the mode cannot be continued, and the motion jumps or is computed by time steps")
+                return self
+                    .broken(time, "the mode cannot be continued, and the motion jumps or is computed by time steps");
             }
-            Ending::Kink | Ending::Fired(_) => {
-                if let Some(event) = self.event(ending, &active, each)? {
-                    each.add(Piece::Event(event));
+            Ending::Kink | Ending::Fired(_) => self.event(ending, &active, each)?,
+        };
+        if let Some(moved) = moved {
+            let (time, x) = (self.run.time, self.run.x());
+            let after = self.run.field(time, &x)?;
+            let nothing = || LinearEvent::nothing(time, moved.before.len(), self.changed.len());
+            event.get_or_insert_with(nothing).later(&moved, after);
+        }
+        if let Some(event) = event {
+            each.add(Piece::Event(event));
+        }
+        Ok(())
+    }
+
+    /// By how much each parameter moves the jump of forces or surfaces at which a leg ended that began at this time; `None` if none does, or
+    /// at no jump.
+    fn moved_kink(&mut self, start: f64, ending: Ending) -> Result<Option<MovedKink>, SimError> {
+        let time = self.run.time;
+        let next = |run: &Run<A>, from: f64| run.motion.sim.next_kink(&run.motion.moving, from);
+        if !matches!(ending, Ending::Passed | Ending::Kink) || next(&self.run, start) != time {
+            return Ok(None);
+        }
+        // The jump before may be moved, too.
+        let middle = 0.5 * (start + time);
+        let mut by = DVector::zeros(self.changed.len());
+        for (p, changed) in self.changed.iter_mut().enumerate() {
+            if matches!(changed.parameter.place(), Place::Anywhere) {
+                let (stencil, step, runs) = changed.runs_at(0)?;
+                let moved = runs.iter().zip(stencil.weights).map(|(run, weight)| weight * (next(run, middle) - time));
+                let moved: f64 = moved.sum();
+                if moved.abs() > ROUNDING * time.abs() {
+                    by[p] = moved / step;
                 }
-                Ok(())
             }
         }
+        if by.amax() == 0.0 {
+            return Ok(None);
+        }
+        let x = self.run.x();
+        Ok(Some(MovedKink { by, before: self.run.field(time.next_down(), &x)? }))
     }
 }

@@ -6,12 +6,13 @@ use super::history::Class;
 use super::leap::least;
 use super::run_state::Run;
 use super::trajectory::{EventKind, StepReason};
-use crate::contact::{Passing, Placed, Slack};
+use crate::contact::{Grip, Passing, Placed, Slack};
 use crate::error::SimError;
 use crate::model::Simulation;
-use crate::motion::{ActiveSet, ConstraintForces, Dry, DryJoint, Gaps, Hold, Lasting, Motion, Scale};
+use crate::motion::{ActiveSet, ConstraintForces, Dry, DryJoint, Gaps, Hold, Lasting, Motion, Scale, deflection};
 use crate::state::{EQUAL, Space, View};
 use carom_contact::Met;
+use nalgebra::Vector3;
 
 /// The guards; those of lasting contacts have their index into the list.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,6 +43,9 @@ pub(crate) enum Guard {
     Deepens(usize),
     /// The normal force of a compliant contact that is not open vanishes, or (`true`) it begins again: it has a kink there.
     Slackens(usize, bool),
+    /// The slider of the bristle of a compliant contact begins to slip, or ceases to slip in this direction (a unit vector, world): friction
+    /// has a kink there.
+    Slider(usize, Option<Vector3<f64>>),
     /// A joint with dry friction comes to rest (index into `dry`).
     JointStops(usize),
     /// The load of a joint exceeds its dry friction (index into `dry`).
@@ -130,15 +134,18 @@ impl Guard {
     /// # Errors
     /// A state at which a gap cannot be computed.
     pub fn of_mode<A: Space>(motion: &mut Motion<A>, (time, y): (f64, &[f64])) -> Result<Vec<Self>, SimError> {
-        let slacks = (0..motion.active.lasting.len()).map(|i| motion.slack(i, (time, y)));
-        let slacks: Vec<_> = slacks.collect::<Result<_, _>>()?;
+        let vanished = (0..motion.active.lasting.len()).map(|i| motion.has_vanished(i, (time, y)));
+        let vanished: Vec<_> = vanished.collect::<Result<_, _>>()?;
+        let sliders = (0..motion.active.lasting.len()).map(|i| motion.slider(i, (time, y)));
+        let sliders: Vec<_> = sliders.collect::<Result<_, _>>()?;
         let watched = motion.gaps.to_watch(&motion.active.lasting, (y, motion.scale.pace));
         let mut guards: Vec<Self> = watched.single.into_iter().map(Self::Gap).collect();
         guards.extend(watched.groups.into_iter().map(Self::Pair));
         guards.extend(watched.rests.into_iter().map(Self::Rest));
-        for ((i, own), slack) in motion.active.lasting.iter().enumerate().zip(slacks) {
+        for (((i, own), vanished), slips) in motion.active.lasting.iter().enumerate().zip(vanished).zip(sliders) {
             let touch = &motion.sim.touches[own.touch];
-            guards.extend(slack.map(|slack| Self::Slackens(i, slack.value() < 0.0)));
+            guards.extend(vanished.map(|vanished| Self::Slackens(i, vanished)));
+            guards.extend(slips.map(|slips| Self::Slider(i, slips)));
             if touch.ends() {
                 guards.push(Self::Leaves(i));
             }
@@ -190,7 +197,7 @@ impl Guard {
 
     /// Whether it depends on constraint forces, not only on positions and velocities.
     pub fn needs_forces(self) -> bool {
-        matches!(self.is(), Is::Force | Is::Slip { forces: true }) || self == Self::SlipEnds
+        matches!(self.is(), Is::Force | Is::Slip { forces: true }) || matches!(self, Self::SlipEnds)
     }
 
     /// Whether the forces of a mode are admissible as far as this guard sees it, at its start. On the border the convention for redundant
@@ -217,15 +224,31 @@ pub(crate) fn look<A: Space>(
     held: Option<&ConstraintForces>,
     mut see: impl FnMut(GuardValue),
 ) -> Result<(), SimError> {
+    // By patterns: `==` of a guard compares directions too, which takes ten times as long.
+    let watches = |which: fn(&Guard) -> bool| guards.iter().any(which);
     let slip_left = match held {
-        Some(held) if guards.contains(&Guard::SlipEnds) => motion.least_slip_left(&held.qdd, (time, y))?,
+        Some(held) if watches(|guard| matches!(guard, Guard::SlipEnds)) => {
+            motion.least_slip_left(&held.qdd, (time, y))?
+        }
         _ => 0.0,
     };
-    let admissible = if guards.contains(&Guard::Admissible) { motion.margin(time, y)? } else { 0.0 };
+    let admissible = if watches(|guard| matches!(guard, Guard::Admissible)) { motion.margin(time, y)? } else { 0.0 };
     let (noise, starts) = (motion.noise(), motion.starts());
     let (q, qd) = motion.split(y);
-    let regular = if guards.contains(&Guard::Branches) { motion.regularity(q)? - least() } else { 0.0 };
-    let now = Now { regular, active: &motion.active, held, admissible, slip_left, noise, starts, scale: &motion.scale };
+    let regular = if watches(|guard| matches!(guard, Guard::Branches)) { motion.regularity(q)? - least() } else { 0.0 };
+    let tail = &y[q.len() + qd.len() + 2..];
+    let bristles = (&motion.bristles[..], tail);
+    let now = Now {
+        bristles,
+        regular,
+        active: &motion.active,
+        held,
+        admissible,
+        slip_left,
+        noise,
+        starts,
+        scale: &motion.scale,
+    };
     let view = View::new(motion.model, &mut motion.workspace, q)?;
     let mut last = None;
     for guard in guards {
@@ -261,6 +284,8 @@ pub(crate) fn passing<A: Space>(
 
 /// The inputs of the guards beside the state: see [`Motion`].
 struct Now<'a> {
+    /// The touches with bristles, and their deflections.
+    bristles: (&'a [usize], &'a [f64]),
     /// Computed if it is watched.
     regular: f64,
     active: &'a ActiveSet,
@@ -327,13 +352,23 @@ impl Guard {
                     None => GuardValue::default(),
                 }
             }
+            (Self::Slider(i, slips), _) => {
+                let own = now.active.lasting[i];
+                let deflection = deflection(now.bristles.0, now.bristles.1, own.touch);
+                // Along a direction, so that a force that turns back within a step is seen.
+                let left = |grip: &Grip| slips.map_or(grip.margin(), |along| grip.force.dot(&along) - grip.limit);
+                match own.grip(&sim.touches[own.touch], deflection, (view, q, qd, time))? {
+                    Some(grip) => GuardValue::velocity(left(&grip), grip.rounding()),
+                    None => GuardValue::default(),
+                }
+            }
             (Self::SlipStops(i), _) => {
                 let touch = &sim.touches[now.active.lasting[i].touch];
                 let (Hold::Slides { toward } | Hold::Starts { toward }) = now.active.lasting[i].hold else {
                     return Ok(GuardValue::default());
                 };
                 let place = touch.at(view, q, time).surface;
-                let u = place.map_or(Ok(nalgebra::Vector3::zeros()), |place| touch.u(&place, view, qd, time))?;
+                let u = place.map_or(Ok(Vector3::zeros()), |place| touch.u(&place, view, qd, time))?;
                 GuardValue::velocity(u.dot(&toward), now.noise)
             }
             (Self::SlipGrows(i), _) => {
@@ -410,7 +445,7 @@ impl<A: Space> Run<'_, '_, A> {
                 return Ok(());
             }
             Guard::MayClose(touch, ceases) => return if ceases { Ok(()) } else { self.refuse_overlap(touch) },
-            Guard::Slackens(..) => return Ok(()),
+            Guard::Slackens(..) | Guard::Slider(..) => return Ok(()),
             Guard::SlipGrows(_) => return self.motion.started(self.time, &before),
             Guard::SlipStops(i) => {
                 self.motion.follow_slip(self.time, &before)?;

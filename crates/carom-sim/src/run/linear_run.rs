@@ -33,6 +33,14 @@ pub(crate) struct LinearEvent {
     pub counts: bool,
 }
 
+/// A jump of forces at a time that parameters change.
+pub(crate) struct MovedKink {
+    /// The derivatives of the time.
+    pub by: DVector<f64>,
+    /// ẋ just before.
+    pub before: DVector<f64>,
+}
+
 /// The states just before and after an event, each at its own time: displacement and velocity by x before the event, and by the
 /// parameters.
 pub(crate) struct Around {
@@ -41,6 +49,26 @@ pub(crate) struct Around {
 }
 
 impl LinearEvent {
+    /// One that changes nothing, of x with n numbers and of this number of parameters.
+    pub fn nothing(time: f64, n: usize, parameters: usize) -> Self {
+        Self {
+            time,
+            happened: Vec::new(),
+            around: None,
+            map: DMatrix::identity(n, n),
+            push: DMatrix::zeros(n, parameters),
+            time_by: DVector::zeros(n),
+            time_push: DVector::zeros(parameters),
+            counts: true,
+        }
+    }
+
+    /// Adds that parameters change its time, before which x has another rate than after it: δx⁺ = Ξ (δx⁻ + f⁻ δt) − f⁺ δt.
+    pub fn later(&mut self, MovedKink { by, before }: &MovedKink, after: DVector<f64>) {
+        self.push += (&self.map * before - after) * by.transpose();
+        self.time_push += by;
+    }
+
     /// Adds the derivatives of a number by the time of the event and by the states at it to those by x before it and by the parameters.
     fn add(
         &self,
@@ -103,12 +131,21 @@ fn uncounted(numbers: &[f64]) -> bool {
     !numbers.iter().all(|x| x.is_finite())
 }
 
+/// Computes matrices of directions.
+pub(crate) type Tangents<'a> = &'a mut dyn FnMut() -> Result<Vec<DMatrix<f64>>, SimError>;
+
 /// What is done with the linear maps of a run, first one first.
 pub(crate) trait Maps {
     /// `None` where the equations of the map are singular.
     fn add(&mut self, piece: Piece) -> Option<()>;
-    /// The step of the motion whose map follows, which has so many impacts before it.
-    fn step(&mut self, _step: &Step, _impacts: usize) {}
+    /// The step of the motion whose map follows, which has so many impacts before it. `tangents` computes the directions in which x can change at
+    /// its start and at its points, n×k each: with contacts and loops closed.
+    ///
+    /// # Errors
+    /// Those of `tangents`.
+    fn step(&mut self, _step: &Step, _impacts: usize, _tangents: Tangents) -> Result<(), SimError> {
+        Ok(())
+    }
     /// S up to now.
     fn columns(&mut self) -> Option<DMatrix<f64>>;
 }

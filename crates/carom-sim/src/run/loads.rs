@@ -8,16 +8,18 @@ use crate::impact::{ImpactLoads, impact_loads};
 use crate::model::Simulation;
 use crate::motion::ContactState;
 use crate::state::{ContactImpulse, EXACT, Space, View};
+use carom_chain::algebra::z_onto;
 use carom_chain::{FramePoint, Spatial};
-use carom_impact::least_norm;
+use carom_impact::{ImpactProblem, least_norm};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 impl Simulation {
-    /// The normal impulses of these touches (N s, of joint limits N m s) in an impact from `qd_minus` to `qd_plus` at `q`: those with
-    /// Jᵀ p = M (q̇⁺ − q̇⁻), where J has the normal of each touch and, with friction, two tangents; of several the shortest p.
+    /// The normal impulses of these touches (N s, of joint limits N m s) in an impact from `qd_minus` to `qd_plus` at `q`: of a single contact
+    /// that of its law; otherwise those with Jᵀ p = M (q̇⁺ − q̇⁻), where J has the normal of each touch and, with friction, two tangents; of several
+    /// the shortest p.
     ///
     /// # Errors
-    /// [`SimError::Chain`] for an invalid state; [`SimError::Setting`] for a mechanism with loops, whose impulses are not determined.
+    /// [`SimError::Chain`] for an invalid state; [`SimError::Setting`] for several contacts of a mechanism with loops, whose impulses are not determined.
     pub fn normal_impulses(
         &self,
         touches: &[usize],
@@ -25,16 +27,21 @@ impl Simulation {
         [qd_minus, qd_plus]: [&[f64]; 2],
         time: f64,
     ) -> Result<Vec<f64>, SimError> {
+        let nv = self.chain.nv();
+        let change: Vec<f64> = qd_plus.iter().zip(qd_minus).map(|(after, before)| after - before).collect();
+        self.chain.check_state(q, &change)?;
+        if let [touch] = *touches
+            && let Some(impulse) = self.normal_impulse(touch, q, qd_minus, time)?
+        {
+            return Ok(vec![impulse]);
+        }
         let loops = self.loops.len();
         require(
             loops == 0,
             "number of loops",
             loops as f64,
-            "the impulses of a mechanism with loops are not determined",
+            "the impulses of several contacts and of limits of a mechanism with loops are not determined",
         )?;
-        let nv = self.chain.nv();
-        let change: Vec<f64> = qd_plus.iter().zip(qd_minus).map(|(after, before)| after - before).collect();
-        self.chain.check_state(q, &change)?;
         let mut workspace = self.chain.workspace();
         let mut view = View::<Spatial<f64>>::new(&self.chain, &mut workspace, q)?;
         let momentum = view.kin.mass_matrix() * DVector::from_vec(change);
@@ -59,6 +66,21 @@ impl Simulation {
         }
         let p = least_norm(&DMatrix::from_columns(&rows), &momentum, EXACT);
         Ok(normals.into_iter().map(|k| p[k]).collect())
+    }
+
+    /// The normal impulse of one contact at these velocities before its impact, by its law. `None` for joint limits and latches.
+    fn normal_impulse(&self, touch: usize, q: &[f64], qd: &[f64], time: f64) -> Result<Option<f64>, SimError> {
+        let Some(one) = self.touches.get(touch).filter(|one| !one.contact.latch && one.limit_of().is_none()) else {
+            return Ok(None);
+        };
+        let (mut workspace, couplings) = (self.chain.workspace(), self.couplings(&self.chain));
+        let mut view = View::<Spatial<f64>>::closed_by(&self.chain, &mut workspace, q, &couplings)?;
+        let Some(place) = one.at(&view, q, time).surface else { return Ok(None) };
+        let u = one.u(&place, &view, qd, time)?;
+        let Some((delassus, _)) = place.inertia(&mut view)? else { return Ok(None) };
+        let axes = z_onto(place.normal);
+        let problem = ImpactProblem::from_gram(axes.transpose() * delassus * axes, axes.transpose() * u)?;
+        Ok(Some(problem.resolve(&*one.contact.law)?.impulse.z))
     }
 }
 

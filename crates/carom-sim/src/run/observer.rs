@@ -118,7 +118,9 @@ impl SolOut for Observer<'_, '_, '_> {
                 path.extend(shares.iter().map(|share| {
                     let end = if *share == 1.0 { until } else { start + (until - start) * share };
                     let start = std::mem::replace(&mut from, end);
-                    Step { start, end, states: Step::POINTS.map(|point| at(start + (end - start) * point)).to_vec() }
+                    let before = at(start);
+                    let states = Step::POINTS.map(|point| at(start + (end - start) * point)).to_vec();
+                    Step { start, end, before, states }
                 }));
             }
             let loads = sampler.sampling.loads;

@@ -24,15 +24,18 @@
 //! ```
 //!
 //! is integrated from the end of each step, X = 1 and Y = V there, to its begin, by Gauss's method, as the variational equations (`variation.rs`).
+//!
+//! Where contacts or loops are closed, δx has the directions of their motions only, N. The equations keep them, but have others, too, in which no
+//! force acts: V is V on N, and zero across it, Π V Π with the orthogonal projection Π onto N.
 
 use super::follow::{Broken, differentiate};
-use super::linear_run::{AllColumns, Maps, Piece};
+use super::linear_run::{AllColumns, Maps, Piece, Tangents};
 use super::trajectory::Step;
 use super::variation::{Gauss, LinearStep, left_inverse};
 use crate::error::{SimError, require};
 use crate::model::{Drive, Feedback, FeedbackRow, Motor, Parameter, TorqueTable, motors};
 use crate::plan::Plan;
-use crate::state::{EXACT, between};
+use crate::state::{CLEAR, EXACT, between};
 use carom_chain::Chain;
 use nalgebra::{DMatrix, DVector};
 
@@ -67,6 +70,8 @@ struct Stretch {
     h: f64,
     times: [f64; 4],
     states: Vec<(Vec<f64>, Vec<f64>)>,
+    /// Π at its start and at its points.
+    projections: Vec<DMatrix<f64>>,
     impacts: usize,
 }
 
@@ -80,14 +85,15 @@ struct Parts<'c> {
     chain: &'c Chain,
     motors: usize,
     all: Vec<Part>,
-    next: Option<(Step, usize)>,
+    next: Option<(Step, usize, Vec<DMatrix<f64>>)>,
     columns: AllColumns,
     broken: Option<Broken>,
 }
 
 impl Maps for Parts<'_> {
-    fn step(&mut self, step: &Step, impacts: usize) {
-        self.next = Some((step.clone(), impacts));
+    fn step(&mut self, step: &Step, impacts: usize, tangents: Tangents) -> Result<(), SimError> {
+        self.next = Some((step.clone(), impacts, tangents()?.into_iter().map(onto).collect()));
+        Ok(())
     }
 
     fn add(&mut self, piece: Piece) -> Option<()> {
@@ -95,8 +101,8 @@ impl Maps for Parts<'_> {
         match piece {
             Piece::Start(_) => {}
             Piece::Step(linear) => {
-                let (step, impacts) = self.next.take()?;
-                self.all.push(Part::Stretch(self.stretch(&linear, &step, impacts)));
+                let next = self.next.take()?;
+                self.all.push(Part::Stretch(self.stretch(&linear, next)));
             }
             Piece::Event(event) => {
                 if event.around.is_none() && !event.happened.is_empty() {
@@ -115,13 +121,27 @@ impl Maps for Parts<'_> {
     }
 }
 
+/// The orthogonal projection onto the span of columns.
+fn onto(columns: DMatrix<f64>) -> DMatrix<f64> {
+    let n = columns.nrows();
+    let decomposed = columns.svd(true, false);
+    let least = CLEAR * decomposed.singular_values.max();
+    let mut projection = DMatrix::zeros(n, n);
+    for (unit, size) in decomposed.u.iter().flat_map(|u| u.column_iter()).zip(&decomposed.singular_values) {
+        if *size > least {
+            projection += unit * unit.transpose();
+        }
+    }
+    projection
+}
+
 impl Parts<'_> {
-    fn stretch(&self, linear: &LinearStep, step: &Step, impacts: usize) -> Stretch {
+    fn stretch(&self, linear: &LinearStep, (step, impacts, projections): (Step, usize, Vec<DMatrix<f64>>)) -> Stretch {
         let (nq, nv) = (self.chain.nq(), self.chain.nv());
         let h = linear.length();
         let states = step.states.iter().map(|y| (y[..nq].to_vec(), y[nq..nq + nv].to_vec())).collect();
         let times = Step::POINTS.map(|c| step.start + h * c);
-        Stretch { equations: linear.equations(self.motors), h, times, states, impacts }
+        Stretch { equations: linear.equations(self.motors), h, times, states, projections, impacts }
     }
 
     /// T of a state, for x of this length.
@@ -163,7 +183,8 @@ impl Plan {
         for (what, value) in each.into_iter().chain([("deviation of forces", force), ("time of the end", end)]) {
             require(value > 0.0 && value.is_finite(), what, value, "it must be positive")?;
         }
-        require(rows > 0, "number of rows of the feedback", rows as f64, "it must be positive")?;
+        let rule = "it must be 1 to 100 000: each is a matrix of gains in memory";
+        require((1..=100_000).contains(&rows), "number of rows of the feedback", rows as f64, rule)?;
         let mut plan = self.clone();
         let (forces, table) = table(&plan, duration, rows)?;
         let chain = &self.simulation.chain;
@@ -251,8 +272,9 @@ impl Stretch {
             let v = x.solve(&w.rows(n, n).transpose())?;
             Some((&v + v.transpose()) * 0.5)
         };
-        let points = (0..4).map(|i| at(&|j| left(i, j))).collect::<Option<Vec<_>>>()?;
-        Some((at(&|j| h * gauss.b[j])?, points))
+        let on = |place: usize, v: DMatrix<f64>| &self.projections[place] * v * &self.projections[place];
+        let points = (0..4).map(|i| Some(on(1 + i, at(&|j| left(i, j))?))).collect::<Option<Vec<_>>>()?;
+        Some((on(0, at(&|j| h * gauss.b[j])?), points))
     }
 }
 

@@ -54,6 +54,14 @@ pub struct RunError {
     pub unknown: Option<Broken>,
 }
 
+impl RunError {
+    /// The largest of the final state and of the times of events; `None` without an estimate.
+    pub(super) fn largest(&self) -> Option<f64> {
+        let last = self.last.as_ref()?;
+        Some(largest(last.q.iter().chain(&last.qd).chain(self.events.iter().flatten())))
+    }
+}
+
 /// The estimated errors of a state.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StateError {

@@ -106,9 +106,13 @@ impl Plan {
             }
             // A loose run that fails, or needs time steps, says nothing of tighter ones, unless the scene asks for them; the tightest tells why.
             if tolerance <= EXACT || self.simulation.stepping {
-                run?;
-                looser?;
-                let error = error.unwrap_or(f64::INFINITY);
+                let Outline { events, summary, .. } = run?;
+                // A looser run that is hardly looser, or has other events, says little: tighter ones than those that may be chosen tell more.
+                let found = self.error_of((duration, None), (&events, &[], &summary))?;
+                let error = found.largest().or(error).unwrap_or(f64::INFINITY);
+                if error <= accuracy {
+                    return Ok((self, Met { asked: accuracy, tolerance, error, evaluations, events, summary }));
+                }
                 let why = format!(
                     "with the tolerance {tolerance:e} the estimated error is {error:.1e}, and rounding prevents a tighter one: ask for less, or give tolerance"
                 );

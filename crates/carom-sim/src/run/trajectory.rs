@@ -4,7 +4,7 @@
 use crate::contact::ContactMode;
 use crate::impact::{ChainImpact, ImpactLoads};
 use crate::motion::{ContactState, NonUnique};
-use crate::state::{CLEAR, ContactImpulse, Moment, NOTICED};
+use crate::state::{CLEAR, ContactImpulse, EQUAL, Moment, NOTICED};
 use carom_chain::Chain;
 use carom_impact::Flags;
 use serde::{Serialize, Serializer};
@@ -110,6 +110,17 @@ impl StepReason {
             Self::NoMode => "no mode of the contacts is consistent",
             Self::Stiff => "the motion is too stiff for the integrators",
         }
+    }
+}
+
+impl Event {
+    /// Indices of the touches of an impact that it strikes; none of other events. A contact that lasts, and that the impact of another one opens,
+    /// has no impulse and is not struck.
+    pub fn struck(&self) -> impl Iterator<Item = usize> {
+        let size = |touch: usize| self.impulses.iter().find(|own| own.touch == touch).map(|own| own.impulse.norm());
+        let all = self.kind.struck();
+        let most = all.iter().filter_map(|touch| size(*touch)).fold(0.0, f64::max);
+        all.iter().copied().filter(move |touch| size(*touch).is_none_or(|own| own > EQUAL * most))
     }
 }
 
@@ -261,11 +272,12 @@ impl Segment {
     }
 }
 
-/// One integration step: its states at given points.
+/// One integration step: its states at its start and at given points.
 #[derive(Debug, Clone)]
 pub(crate) struct Step {
     pub start: f64,
     pub end: f64,
+    pub before: Vec<f64>,
     /// At `start + (end − start) c` for the points c of [`Step::POINTS`].
     pub states: Vec<Vec<f64>>,
 }

@@ -12,12 +12,12 @@
 //! integrated over each step of the motion by Gauss's method of order 8 (Hairer, Nørsett & Wanner 1993, section II.7), which needs A at
 //! four times of the step only: the equations are linear, so its stages are the solution of one linear system.
 
-use super::changed::{AT, Changed, DIFFERENCE, SHORT, WEIGHTS, nearest};
+use super::changed::{AT, Changed, DIFFERENCE, SHORT, WEIGHTS};
 use super::run_state::Run;
 use super::trajectory::Step;
 use crate::error::SimError;
 use crate::model::Place;
-use crate::motion::{Hold, Lasting, Linear};
+use crate::motion::{Hold, Kink, Lasting, Linear};
 use crate::state::{ROUNDING, STEPS, Space};
 use nalgebra::{DMatrix, DVector, DVectorView, Dyn, LU, Matrix4, Vector3, Vector4};
 
@@ -159,7 +159,7 @@ impl<A: Space> Run<'_, '_, A> {
     fn linear_slopes(
         &mut self,
         (time, x): (f64, &[f64]),
-        (y, tangent, kinks): (&[f64], &DMatrix<f64>, &[Vector3<f64>]),
+        (y, tangent, kinks): (&[f64], &DMatrix<f64>, &[Kink]),
         changed: &mut [&mut Changed<A>],
         (slope, push): (&mut DMatrix<f64>, &mut DMatrix<f64>),
     ) -> Result<(), SimError> {
@@ -221,7 +221,7 @@ impl<A: Space> Run<'_, '_, A> {
         &mut self,
         changed: &mut Changed<A>,
         (time, y): (f64, &[f64]),
-        (at, kinks): (&Linear, &[Vector3<f64>]),
+        (at, kinks): (&Linear, &[Kink]),
         len: usize,
     ) -> Result<DVector<f64>, SimError> {
         let mut change = DVector::zeros(len);
@@ -249,7 +249,7 @@ impl<A: Space> Run<'_, '_, A> {
         &mut self,
         (time, x): (f64, &[f64]),
         direction: DVectorView<f64>,
-        kinks: &[Vector3<f64>],
+        kinks: &[Kink],
     ) -> Result<f64, SimError> {
         if kinks.is_empty() {
             return Ok(f64::INFINITY);
@@ -257,7 +257,7 @@ impl<A: Space> Run<'_, '_, A> {
         let beside: Vec<f64> = x.iter().zip(direction.iter()).map(|(x, d)| x + DIFFERENCE * d).collect();
         let y = self.y_of(&beside);
         let there = self.motion.kinks(time, &y)?;
-        Ok(DIFFERENCE * nearest(kinks, &there))
+        Ok(DIFFERENCE * Kink::nearest(kinks, &there))
     }
 
     /// The derivative of a function of x along a direction, by a central difference of fourth order. Near a kink, so many times the direction

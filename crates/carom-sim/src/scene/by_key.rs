@@ -3,10 +3,14 @@
 use super::{Body, Scene, in_file, path, refuse};
 use crate::error::SimError;
 use crate::model::{Drive, Parameter, Simulation};
+use crate::state::reach;
 use carom_chain::JointCoordinate;
 
 /// The share of a number by which it is changed to see what depends on it.
 const CHANGE: f64 = 1e-5;
+/// A number is counted as large as this share of the least of 1, the reach (m) and the mass (kg) of the robots, or larger: it is changed by a share
+/// of its size, and what that changes must be above rounding. A zero has the size of its list, or 1.
+const LEAST: f64 = 1e-2;
 /// The keys of `[run]` that change how a motion is computed, or how much of it, but not the motion.
 const NO_PARAMETERS: [&str; 8] =
     ["duration", "tolerance", "accuracy", "sample", "max_step", "zeno_time", "contact_step", "neglect"];
@@ -157,7 +161,8 @@ impl Scene {
         path: &str,
         with_number: impl Fn(&Self, &str, f64) -> Result<(f64, Self), SimError> + Send + Sync + 'static,
     ) -> Result<Parameter, SimError> {
-        if let Some(key) = path.strip_prefix("run.").filter(|key| NO_PARAMETERS.contains(key)) {
+        let settings = |key: &&str| NO_PARAMETERS.contains(key) || key.starts_with("perturb");
+        if let Some(key) = path.strip_prefix("run.").filter(settings) {
             let why = format!(
                 "{key} is no parameter of the motion: its derivative by the time is the final velocity and acceleration"
             );
@@ -167,6 +172,9 @@ impl Scene {
             ));
         }
         let (scale, same) = with_number(self, path, 0.0)?;
+        let chain = &self.simulation.chain;
+        let sizes = [reach(chain), chain.total_mass()].into_iter().filter(|size| *size > 0.0);
+        let scale = scale.max(LEAST * sizes.fold(1.0, f64::min));
         // One of them is refused at an end of the number's range.
         let beside = |change| with_number(self, path, change * scale);
         let (_, beside) = beside(CHANGE).or_else(|why| beside(-CHANGE).map_err(|_| why))?;

@@ -66,16 +66,19 @@ pub(crate) fn warnings(
 
 /// Warnings about values that no contact of the scene uses.
 fn unused(all: &[&ContactKeys], contact: &Contact, touches: &[Touch]) -> impl Iterator<Item = String> + use<> {
-    let uses = |law: &str| LawInfo::named(law).is_some_and(|law| law.has("tangential_restitution"));
+    let uses = |rule: &ContactRule| {
+        rule.compliance.is_none()
+            && LawInfo::named(rule.law.name()).is_some_and(|law| law.has("tangential_restitution"))
+    };
     let tangential = all.iter().filter_map(|keys| keys.tangential_restitution).any(|value| value != 0.0)
-        && !touches.iter().any(|touch| uses(touch.contact.law.name()));
+        && !touches.iter().any(|touch| uses(&touch.contact));
     let stiffness = all.iter().any(|keys| keys.relative_stiffness.is_some())
         && !matches!(contact.several, SeveralLaw::Energetic { .. });
     let limits = contact.limit_restitution != 0.0 && !touches.iter().any(|touch| touch.limit_of().is_some());
     let found = [
         (
             tangential,
-            "tangential_restitution: only the law \"chatterjee-ruina\" uses it, and no contact of this scene has it",
+            "tangential_restitution: only the law \"chatterjee-ruina\" of rigid contacts uses it, and no contact of this scene has it",
         ),
         (stiffness, "relative_stiffness: only the law of several contacts \"energetic\" uses it ([contact] several)"),
         (limits, "limit_restitution: no joint of this scene has limits that act"),

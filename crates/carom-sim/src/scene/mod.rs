@@ -208,6 +208,13 @@ impl Scene {
                     "perturb.distributions has {path}, which is not among perturb.numbers: add its size"
                 ));
             }
+            let runs = |path: &&String| path.starts_with("run.perturb") || *path == "run.max_events";
+            if let Some(path) = given.numbers.keys().find(runs) {
+                return Err(format!("perturb.numbers has {path}, which is no number of the motion: remove it"));
+            }
+            if i64::try_from(given.seed).is_err() {
+                return Err(format!("perturb.seed is {}: give a whole number from 0 to {}", given.seed, i64::MAX));
+            }
             let mut sizes = q.iter().chain(&qd).chain(numbers.iter().map(|own| &own.size));
             match sizes.clone().find(|x| !(x.is_finite() && **x >= 0.0)) {
                 Some(x) => Err(format!("perturb has the size {x}: it must be finite and not negative")),

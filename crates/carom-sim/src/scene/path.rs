@@ -63,24 +63,25 @@ pub fn place<'t, 'p>(keys: &'t mut Table, path: &'p str) -> Result<(&'t mut Tabl
     Ok((at, last))
 }
 
-/// The value of a part of a path, `NAME` or `NAME[K]`; an empty table where there is none.
+/// The value of a part of a path, `NAME`, `NAME[K]` or `NAME[K][L]`; an empty table where there is none.
 ///
 /// # Errors
 /// A list that has no such entry, or is none.
 pub fn entry<'t>(table: &'t mut Table, part: &str, path: &str) -> Result<&'t mut Value, String> {
-    let Some((name, index)) = part.strip_suffix(']').and_then(|part| part.split_once('[')) else {
+    let Some((name, indices)) = part.strip_suffix(']').and_then(|part| part.split_once('[')) else {
         return Ok(table.entry(part).or_insert_with(|| Table::new().into()));
     };
     let refuse = |why: String| format!("{path}: {why}");
-    match table.get_mut(name) {
-        Some(Value::Array(all)) => {
-            let count = all.len();
-            let one = index.parse().ok().and_then(|k: usize| all.get_mut(k));
-            one.ok_or_else(|| refuse(format!("{name} has {count} entries, which count from 0")))
-        }
-        Some(_) => Err(refuse(format!("{name} is no list: leave out [{index}]"))),
-        None => Err(refuse(format!("there is no {name}: give the whole list"))),
-    }
+    let whole = table.get_mut(name).ok_or_else(|| refuse(format!("there is no {name}: give the whole list")))?;
+    let mut list = name.to_owned();
+    indices.split("][").try_fold(whole, |value, index| {
+        let Value::Array(all) = value else { return Err(refuse(format!("{list} is no list: leave out [{index}]"))) };
+        let count = all.len();
+        let one = index.parse().ok().and_then(|k: usize| all.get_mut(k));
+        let one = one.ok_or_else(|| refuse(format!("{list} has {count} entries, which count from 0")))?;
+        list = format!("{list}[{index}]");
+        Ok(one)
+    })
 }
 
 fn table_in<'t>(value: &'t mut Value, part: &str, path: &str) -> Result<&'t mut Table, String> {

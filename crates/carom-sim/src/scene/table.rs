@@ -48,7 +48,7 @@ impl Columns {
 
     /// The times and the numbers of these columns, in this order. Columns of other names are refused. Those that are `optional` are zero where
     /// they are missing. A table without names has the time, then these columns. Times ascend; with the column `impacts` those of rows with the
-    /// same number of it. `what`: the meaning of the numbers, for messages.
+    /// same number of it; two rows of one time are a jump. `what`: the meaning of the numbers, for messages.
     ///
     /// # Errors
     /// A message without the name of the file.
@@ -75,6 +75,9 @@ impl Columns {
             if !names.iter().any(|name| name == "time") {
                 return Err("column time is missing: add it, in s".into());
             }
+            if !wanted.iter().any(|name| names.contains(name)) {
+                return Err(format!("it has no column beside time: add some of {}", known()));
+            }
             let missing = wanted.iter().find(|name| !names.contains(name) && !optional(name));
             if let Some(name) = missing {
                 return Err(format!("column {name} is missing: add it (the columns are time, {})", known()));
@@ -83,6 +86,7 @@ impl Columns {
         };
         let time = names.iter().position(|name| name == "time").unwrap_or(0);
         let part = wanted.iter().position(|name| name == "impacts");
+        let is_one_part = |a: &[f64], b: &[f64]| part.is_none_or(|k| a[k] == b[k]);
         let (mut times, mut numbers): (Vec<f64>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
         for (row, line) in rows.into_iter().zip(lines) {
             let needed = if names.is_empty() { wanted.len() + 1 } else { names.len() };
@@ -100,8 +104,14 @@ impl Columns {
             times.push(row[time]);
             numbers.push(places.iter().map(|place| place.map_or(0.0, |k| row[k])).collect());
             let ([.., before, now], [.., last, own]) = (times.as_slice(), numbers.as_slice()) else { continue };
-            if now < before && part.is_none_or(|k| last[k] == own[k]) {
+            if now < before && is_one_part(last, own) {
                 return Err(format!("{unit} {line}: time {now} is below that of the previous row: times must ascend"));
+            }
+            let ([.., first, _, _], [.., before, _, _]) = (times.as_slice(), numbers.as_slice()) else { continue };
+            if first == now && is_one_part(before, own) {
+                return Err(format!(
+                    "{unit} {line}: time {now} is that of both previous rows: a jump has two, before and after it, remove one"
+                ));
             }
         }
         if times.is_empty() {

@@ -56,12 +56,18 @@ impl Loops {
 
     /// Changes x by X η, so that L x becomes `wanted` (zero without it) on the independent rows.
     pub fn bind(&self, x: &mut [f64], wanted: Option<&[f64]>) {
+        for (row, force) in self.forces(x, wanted) {
+            x.iter_mut().zip(self.responses.row(row)).for_each(|(x, response)| *x += force * response);
+        }
+    }
+
+    /// η of [`Self::bind`]: the independent rows with their forces.
+    pub fn forces(&self, x: &[f64], wanted: Option<&[f64]>) -> impl Iterator<Item = (usize, f64)> + use<'_> {
         let rows = &self.basis.rows;
         let missing = |row: usize| wanted.map_or(0.0, |wanted| wanted[row]) - self.rows.dot(row, x);
         let missing = DMatrix::from_fn(rows.len(), 1, |i, _| missing(rows[i]));
-        for (row, force) in rows.iter().zip(self.basis.solve(&missing).unwrap_or_default().iter()) {
-            x.iter_mut().zip(self.responses.row(*row)).for_each(|(x, response)| *x += force * response);
-        }
+        let forces = self.basis.solve(&missing).unwrap_or_default();
+        rows.iter().enumerate().filter_map(move |(i, row)| Some((*row, *forces.get(i)?)))
     }
 
     /// Turns M⁻¹fᵀ of a row f into P M⁻¹fᵀ; zero where the loops lock what f moves. What is left of a response of which most is taken

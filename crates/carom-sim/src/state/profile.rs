@@ -51,8 +51,8 @@ impl<const N: usize> Profile<N> {
         std::array::from_fn(|i| if span > 0.0 { (b[i] - a[i]) / span } else { 0.0 })
     }
 
-    /// Their integrals from time 0.
-    pub(crate) fn integral(&self, time: f64) -> [f64; N] {
+    /// Their integrals from time 0 to this time.
+    pub fn integral(&self, time: f64) -> [f64; N] {
         let (to, from) = (self.since_first(time), self.since_first(0.0));
         std::array::from_fn(|i| to[i] - from[i])
     }

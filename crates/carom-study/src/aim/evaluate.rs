@@ -5,7 +5,7 @@
 //!
 //! In [segments](super::segments) each has a run of its own, and x₀ of all but the first is unknown.
 
-use super::function::{Function, Point, Slope, difference};
+use super::function::{Function, Point, Slope, difference, difference_within};
 use super::problem::{Place, Problem};
 use super::segments::Part;
 use super::unknown::{FirstState, Given, from_to};
@@ -70,7 +70,13 @@ impl Problem {
                 let k = integrals.next().unwrap_or_default();
                 Ok(runs.iter().map(|(.., sums)| sums[k]).sum())
             }
-            _ => Ok(function.at(&outcome.point(place, name)?.2, &mut workspace)?),
+            _ => {
+                let found = outcome.point(place, name)?;
+                if function.has_impulse() {
+                    outcome.check_impulse(name, &found)?;
+                }
+                Ok(function.at(&found.2, &mut workspace)?)
+            }
         });
         let mut conditions = values.collect::<Result<Vec<f64>, AimError>>()?;
         if let Some(k) = conditions.iter().position(|x| !x.is_finite()) {
@@ -112,6 +118,9 @@ impl Problem {
         for asked in self.functions() {
             let mut row = vec![0.0; n];
             let (rate, by) = outcome.slope(asked, &runs, &mut row)?;
+            if asked.1.is_of_impact() {
+                given.add_simulations(u, asked.1, &outcome.point(asked.2, asked.0)?.2, &mut row)?;
+            }
             later.iter().for_each(|(k, by)| row[*k] += rate * by);
             by.into_iter().for_each(|(part, by)| counts[part].push((rows.len(), by)));
             rows.push(row);
@@ -190,6 +199,21 @@ impl Given {
         (parameters, unknowns)
     }
 
+    /// Adds the derivatives of a function of an impact by what the unknowns change in the simulation: its laws and masses.
+    fn add_simulations(&self, u: &[f64], function: &Function, point: &Point, row: &mut [f64]) -> Result<(), SimError> {
+        let mut workspace = point.sim.chain.workspace();
+        for (k, own) in self.unknowns.iter().enumerate().filter(|(_, own)| own.acts) {
+            row[k] += difference_within(u[k].abs().max(own.size()), |by| {
+                let mut beside = u.to_vec();
+                beside[k] += by;
+                let sim = self.plan(&beside)?.0.simulation;
+                // What it changes beside the simulation counts elsewhere.
+                function.at(&Point { sim: &sim, ..*point }, &mut workspace)
+            })?;
+        }
+        Ok(())
+    }
+
     /// What the unknowns change at the start of a part: displacement and velocity.
     fn starts(&self, part: usize, u: &[f64]) -> Result<Vec<(usize, Vec<f64>)>, SimError> {
         if let Some(knot) = part.checked_sub(1) {
@@ -235,7 +259,7 @@ impl<'a> Outcome<'a> {
             let (_, last, _) = &self.parts[part];
             return Ok((part, None, self.between(part, last.time, (&last.q, &last.qd))));
         };
-        let is_own = |event: &&Event| event.kind.struck().iter().any(|touch| touches.contains(touch));
+        let is_own = |event: &&Event| event.struck().any(|touch| touches.contains(&touch));
         let all = || {
             self.parts.iter().enumerate().flat_map(|(part, (.., events))| events.iter().map(move |own| (part, *own)))
         };
@@ -258,6 +282,36 @@ impl<'a> Outcome<'a> {
             ..self.between(part, event.time, (&event.q, &event.qd_plus))
         };
         Ok((part, self.parts[part].2.iter().position(|own| std::ptr::eq(*own, event)), point))
+    }
+
+    /// # Errors
+    /// [`AimError::File`] if the normal impulses of the run do not follow from its velocities: other contacts carry impulses, too, or those of
+    /// several depend on each other.
+    fn check_impulse(&self, name: &str, (part, event, point): &(usize, Option<usize>, Point)) -> Result<(), AimError> {
+        let Some(event) = event.and_then(|k| self.parts[*part].2.get(k)) else { return Ok(()) };
+        let moment = Moment { time: event.time, q: event.q.clone(), qd: event.qd_minus.clone() };
+        let (mut told, mut size) = (0.0, 0.0);
+        for own in &event.impulses {
+            let normal = point.sim.touching_point(own.touch, &moment)?.map_or(0.0, |[_, n]| n.dot(&own.impulse));
+            size += normal.abs();
+            told += if point.counts.contains(&own.touch) { normal } else { 0.0 };
+        }
+        if size == 0.0 {
+            return Ok(()); // a joint limit
+        }
+        let impulses = point.sim.normal_impulses(point.struck, point.q, point.qd, point.clock)?;
+        let counted = point.struck.iter().zip(impulses).filter(|(touch, _)| point.counts.contains(touch));
+        let found: f64 = counted.map(|(_, p)| p).sum();
+        /// What differs by more is no error of the run.
+        const SAME: f64 = 1e-6;
+        if (found - told).abs() <= SAME * size {
+            return Ok(());
+        }
+        let rule = format!(
+            "impulse = {told:.6} N s does not follow from the velocities of the impact, which give {found:.6} N s: several contacts carry impulses that \
+             depend on each other; aim at lost, or at velocities before or after the impact"
+        );
+        Err(AimError::File { file: name.to_owned(), rule })
     }
 
     /// A state of a part that is not at an impact.

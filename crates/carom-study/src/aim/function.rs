@@ -34,6 +34,8 @@ enum Variable {
 #[derive(Clone, Copy)]
 pub(super) struct Point<'a> {
     pub sim: &'a Simulation,
+    /// The time of the simulation, and since the start, s.
+    pub clock: f64,
     pub time: f64,
     pub q: &'a [f64],
     /// The velocities before and after; the same without an impact.
@@ -100,6 +102,15 @@ impl Function {
         Ok(Self { parsed, variables })
     }
 
+    /// Whether it depends on the simulation beside the motion: on the law of an impact, or on masses.
+    pub fn is_of_impact(&self) -> bool {
+        self.variables.iter().any(|it| matches!(it, Variable::Impulse | Variable::Lost))
+    }
+
+    pub fn has_impulse(&self) -> bool {
+        self.variables.iter().any(|it| matches!(it, Variable::Impulse))
+    }
+
     /// Its value.
     pub fn at(&self, point: &Point, workspace: &mut Workspace<Spatial<f64>>) -> Result<f64, SimError> {
         let values = self.variables.iter().map(|variable| variable.at(point, workspace));
@@ -113,7 +124,7 @@ impl Function {
         let nv = chain.nv();
         let has = |of: fn(&Variable) -> bool| self.variables.iter().any(of);
         let of_state = has(|it| !matches!(it, Variable::Time | Variable::Unknown(_)));
-        let of_both = has(|it| matches!(it, Variable::Impulse | Variable::Lost));
+        let of_both = self.is_of_impact();
         let mut slope = Slope {
             q: vec![0.0; nv],
             qd: [vec![0.0; nv], vec![0.0; nv]],
@@ -137,8 +148,9 @@ impl Function {
                 })?;
             }
         }
-        if has(|it| matches!(it, Variable::Time)) {
-            slope.time = difference(1.0, |by| self.at(&Point { time: point.time + by, ..*point }, workspace))?;
+        if has(|it| matches!(it, Variable::Time | Variable::Impulse)) {
+            let at = |by| Point { time: point.time + by, clock: point.clock + by, ..*point };
+            slope.time = difference(1.0, |by| self.at(&at(by), workspace))?;
         }
         for variable in &self.variables {
             if let Variable::Unknown(k) = variable {
@@ -164,7 +176,7 @@ impl Variable {
             Self::Speed(frame, axis) => workspace.update(chain, point.q)?.point_velocity(origin(frame), qd)?[axis],
             Self::Time => point.time,
             Self::Impulse => {
-                let impulses = sim.normal_impulses(point.struck, point.q, point.qd, point.time)?;
+                let impulses = sim.normal_impulses(point.struck, point.q, point.qd, point.clock)?;
                 point
                     .struck
                     .iter()
@@ -182,10 +194,24 @@ impl Variable {
     }
 }
 
+/// [`difference`], or that of one side where the function has no value on the other.
+pub(super) fn difference_within(size: f64, mut at: impl FnMut(f64) -> Result<f64, SimError>) -> Result<f64, SimError> {
+    difference(size, &mut at).or_else(|why| {
+        let mut beside = |h: f64| -> Result<f64, SimError> {
+            let weights = [-25.0, 48.0, -36.0, 16.0, -3.0];
+            let parts = weights.iter().enumerate().map(|(k, weight)| Ok(at(k as f64 * h)? * weight / (12.0 * h)));
+            parts.sum()
+        };
+        let h = STEP * size;
+        beside(h).or_else(|_| beside(-h)).map_err(|_| why)
+    })
+}
+
+/// Of the error of [`difference`], h⁴, and that of rounding, ε/h, neither is above 1e-11.
+const STEP: f64 = 1e-3;
+
 /// The derivative of a function of a number of this size at 0.
 pub(super) fn difference(size: f64, mut at: impl FnMut(f64) -> Result<f64, SimError>) -> Result<f64, SimError> {
-    /// Of the error of the formula, h⁴, and that of rounding, ε/h, neither is above 1e-11.
-    const STEP: f64 = 1e-3;
     let h = STEP * size;
     Ok(((at(h)? - at(-h)?) * 8.0 - (at(2.0 * h)? - at(-2.0 * h)?)) / (12.0 * h))
 }

@@ -10,8 +10,10 @@
 //! The conditions are aᵢ ≤ cᵢ(u) ≤ bᵢ (aᵢ = bᵢ for an equation), the unknowns have bounds. Sequential quadratic programming with a trust region
 //! finds u: `search.rs`.
 
+mod curvature;
 mod evaluate;
 mod function;
+mod model;
 mod problem;
 mod search;
 mod segments;
@@ -19,10 +21,10 @@ mod torque;
 mod unknown;
 mod written;
 
-pub use crate::orbit::Happened;
 pub use problem::Problem;
 pub(crate) use torque::names_of_motors;
 
+use crate::orbit::Happened;
 use carom_sim::SimError;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -201,6 +203,8 @@ pub enum Stuck {
     Kink,
     /// No unknown brings the conditions nearer to first order.
     Flat,
+    /// The quadratic program of a step has sizes that differ by too much for its solver.
+    Unsolved,
 }
 
 impl Stuck {
@@ -209,6 +213,10 @@ impl Stuck {
             Self::Steps => "the search has used its steps: give more, [search] steps",
             Self::Kink => {
                 "the motion has a kink or a jump there, as where an impact appears: choose another start of the search"
+            }
+            Self::Unsolved => {
+                "the equations of a step differ too much in size: hardly an unknown changes a condition that is missed; give other unknowns, or \
+                 another start of the search"
             }
             Self::Flat => {
                 "no unknown brings them nearer to first order: give more unknowns, wider bounds, or another start of the search"
@@ -237,6 +245,7 @@ impl AimError {
             Self::NoImpact { .. } => "the first motion lacks an impact of a condition",
             Self::NotMet { why: Stuck::Steps, .. } => "the steps are used",
             Self::NotMet { why: Stuck::Kink, .. } => "a kink or a jump of the motion",
+            Self::NotMet { why: Stuck::Unsolved, .. } => "the equations of a step differ too much in size",
             Self::NotMet { why: Stuck::Flat, .. } => "the conditions do not come nearer to first order",
         }
     }

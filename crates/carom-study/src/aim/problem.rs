@@ -6,7 +6,7 @@ use super::torque::TorqueKeys;
 use super::unknown::{Given, UnknownKeys};
 use super::{AimError, Found};
 use crate::problem_file;
-use carom_sim::{Drive, Plan, Scene, Touch};
+use carom_sim::{Drive, Plan, Scene, Touch, state_variables};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -189,6 +189,12 @@ impl Problem {
         let names: Vec<String> = unknowns.iter().map(|own| own.name.clone()).collect();
         let plan = scene.plan()?;
         let sim = &plan.simulation;
+        let states = state_variables(&scene.simulation.chain);
+        let states = states.iter().map(|(name, _)| name.as_str()).chain(["time", "impulse", "lost"]);
+        if let Some(taken) = states.into_iter().find(|state| names.iter().any(|name| name == state)) {
+            let why = "formulas have this name for the motion: choose another name";
+            return Err(refuse(format!("[[unknown]] name = \"{taken}\": {why}")));
+        }
         let conditions = file.condition.iter().enumerate().map(|(k, keys)| {
             let read = || {
                 let place = Place::of(&sim.touches, &keys.contact, (keys.impact, keys.side), keys.along)?;
@@ -208,10 +214,18 @@ impl Problem {
             if !weight.is_finite() {
                 return Err(refuse(format!("weight = {weight}: it must be finite")));
             }
+            if weight < 0.0 && keys.value.is_none() {
+                return Err(refuse(format!("weight = {weight}: that of a square must not be negative")));
+            }
             let (formula, squared) = match (&keys.value, &keys.square, keys.effort) {
                 (Some(formula), None, None) => (formula, false),
                 (None, Some(formula), None) => (formula, true),
                 (None, None, Some(true)) if torque.is_some() => {
+                    let CostKeys { contact, impact, side, along, .. } = keys;
+                    if contact.is_some() || impact.is_some() || side.is_some() || *along == Some(false) {
+                        let why = "effort is that of the whole motion: remove contact, impact, side and along";
+                        return Err(refuse(why.into()));
+                    }
                     effort += weight;
                     continue;
                 }
@@ -222,11 +236,13 @@ impl Problem {
                     ));
                 }
             };
-            if (squared || keys.effort.is_some()) && weight < 0.0 {
-                return Err(refuse(format!("weight = {weight}: that of a square must not be negative")));
-            }
             let place = Place::of(&sim.touches, &keys.contact, (keys.impact, keys.side), keys.along).map_err(refuse)?;
-            let function = Function::of(formula, sim, &names, place.is_impact()).map_err(refuse)?;
+            // Of the square along a motion the integral, not the square of the integral.
+            let (formula, squared) = match (squared, &place) {
+                (true, Place::Along) => (format!("({formula})^2"), false),
+                _ => (formula.clone(), squared),
+            };
+            let function = Function::of(&formula, sim, &names, place.is_impact()).map_err(refuse)?;
             costs.push(Cost { name: format!("{formula}{}", place.text()), function, place, weight, squared });
         }
         let tolerance = file.search.tolerance.unwrap_or(1e-9);

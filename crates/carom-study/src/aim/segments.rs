@@ -23,8 +23,8 @@ pub(super) struct Part {
 impl Part {
     /// A state that is not at an impact.
     pub fn at<'a>(&'a self, time: f64, (q, qd): (&'a [f64], &'a [f64]), unknowns: &'a [f64]) -> Point<'a> {
-        let time = time - self.origin;
-        Point { sim: &self.plan.simulation, time, q, qd: [qd, qd], side: 1, struck: &[], counts: &[], unknowns }
+        let (clock, time) = (time, time - self.origin);
+        Point { sim: &self.plan.simulation, clock, time, q, qd: [qd, qd], side: 1, struck: &[], counts: &[], unknowns }
     }
 
     /// The displacement and the change of velocity from its start to the end of the one before.

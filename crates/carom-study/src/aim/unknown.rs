@@ -1,7 +1,7 @@
 //! A scene as a function of unknowns: numbers of its file, formulas of several, and torques.
 
 use super::torque::Torque;
-use crate::problem_file::{Formulas, evaluated, formulas};
+use crate::problem_file::{self, Formulas, evaluated, formulas};
 use carom_sim::{Moment, Plan, Scene, SimError};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -161,12 +161,7 @@ impl UnknownKeys {
             let straight = slopes.iter().zip(&next).all(|(a, b)| (a - b).abs() <= STRAIGHT * a.abs().max(1.0));
             own.start = Some(if straight { FirstState::Linear(slopes) } else { FirstState::Curved });
         }
-        let of_start = |path: &str| {
-            let (table, key) = path.split_once('.').unwrap_or((path, ""));
-            let key = key.split(['.', '[']).next().unwrap_or_default();
-            table.starts_with("robot") && ["q", "qd", "tip_velocity"].contains(&key)
-        };
-        let keeps = own.values(first).iter().all(|(path, _)| path == DURATION || of_start(path));
+        let keeps = own.values(first).iter().all(|(path, _)| path == DURATION || problem_file::is_of_start(path));
         // A controller may depend on the velocity at the start.
         let drives = |scene: &Scene| format!("{:?}", (&scene.simulation.drive, &scene.simulation.after_impact));
         own.acts = !keeps || drives(&a) != drives(&b);

@@ -4,9 +4,7 @@
 //! from the inward invariant direction towards the outward one and crosses neither. Laws that integrate the slip have the same
 //! path and differ in the point at which the impact ends; the results of other laws need not lie on the path.
 
-use super::{
-    BLACK, BLUE, Diagram, GREY, LawPoint, Mark, PALE, RED, Shape, Stroke, Symbol, has_room, law_colour, spread, visible,
-};
+use super::{BLACK, BLUE, Diagram, GREY, LawPoint, Mark, PALE, RED, Shape, Stroke, Symbol, has_room, spread, visible};
 use carom_impact::{ImpactProblem, ImpulsePath, InvariantDirection, PathPoint};
 use nalgebra::{Vector2, Vector3};
 
@@ -48,7 +46,7 @@ pub(super) fn phases<const D: usize>(
     [("path in compression", BLACK, down), ("path in restitution", GREY, up)].into_iter().filter_map(
         move |(name, colour, points)| {
             let line: Vec<_> = points.iter().map(&place).collect();
-            (line.len() > 1).then(|| Shape { name: name.into(), colour, stroke: Stroke::Thick, pieces: vec![line] })
+            (line.len() > 1).then(|| Shape::new(name, colour, Stroke::Thick, vec![line]))
         },
     )
 }
@@ -61,15 +59,9 @@ pub fn hodograph(problem: &ImpactProblem<f64, 3>, friction: f64, laws: &[LawPoin
     }
     let path = path_of(problem, friction, laws)?;
     let slip = |point: &PathPoint<3>| [point.velocity.x, point.velocity.y];
-    let answer = |law: &LawPoint<3>| {
+    let mark = |law: &LawPoint<3>| {
         let u = problem.u_minus() + problem.delassus() * Vector3::from(law.impulse);
-        [u.x, u.y]
-    };
-    let mark = |law: &LawPoint<3>| Mark {
-        name: law.law.clone(),
-        colour: law_colour(&law.law),
-        symbol: Symbol::Law,
-        at: answer(law),
+        law.mark([u.x, u.y])
     };
     // events after the laws, as several laws at rest would hide them
     let marks: Vec<_> = laws.iter().map(mark).chain(stations(&path, slip)).collect();
@@ -85,14 +77,13 @@ pub fn hodograph(problem: &ImpactProblem<f64, 3>, friction: f64, laws: &[LawPoin
     }
 
     let ways = problem.invariant_directions(friction).ok()?;
-    let shape = |name: String, colour, stroke, pieces| Shape { name, colour, stroke, pieces };
-    let mut shapes = vec![shape("flow of the slip".into(), PALE, Stroke::Thin, others(problem, friction, &window))];
+    let mut shapes = vec![Shape::new("flow of the slip", PALE, Stroke::Thin, others(problem, friction, &window))];
     let reach = 8.0 * half; // beyond the edge from any point inside
     for (colour, out) in [(RED, true), (BLUE, false)] {
         for InvariantDirection { angle, .. } in ways.iter().filter(|way| (way.slip_rate >= 0.0) == out) {
             let ray = [[0.0, 0.0], [reach * angle.cos(), reach * angle.sin()]];
             let name = format!("invariant {:.1}°, {}", angle.to_degrees(), if out { "out" } else { "in" });
-            shapes.push(shape(name, colour, Stroke::Thin, visible(&ray, &window)));
+            shapes.push(Shape::new(name, colour, Stroke::Thin, visible(&ray, &window)));
         }
     }
     shapes.extend(phases(&path, slip));

@@ -6,7 +6,7 @@
 //! point of the ellipsoid.
 
 use super::hodograph::{path_of, phases, stations};
-use super::{BLUE, DARK, Diagram, GREY, LawPoint, Mark, RED, Shape, Stroke, Symbol, has_room, law_colour, spread};
+use super::{BLUE, DARK, Diagram, GREY, LawPoint, RED, Shape, Stroke, has_room, spread};
 use carom_impact::{ImpactProblem, PathPoint};
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::{PI, TAU};
@@ -26,12 +26,7 @@ pub fn impulse_space(problem: &ImpactProblem<f64, 3>, friction: f64, laws: &[Law
     let path = path_of(problem, friction, laws)?;
     let impulse = |point: &PathPoint<3>| <[f64; 3]>::from(point.impulse);
     let mut marks = stations(&path, impulse);
-    marks.extend(laws.iter().map(|law| Mark {
-        name: law.law.clone(),
-        colour: law_colour(&law.law),
-        symbol: Symbol::Law,
-        at: law.impulse,
-    }));
+    marks.extend(laws.iter().map(|law| law.mark(law.impulse)));
 
     let to_space = lower.transpose().try_inverse()?;
     let centre = -to_space * lower.try_inverse()? * u;
@@ -63,12 +58,11 @@ pub fn impulse_space(problem: &ImpactProblem<f64, 3>, friction: f64, laws: &[Law
     let across = basis_across(&Vector3::from(lower.row(2).transpose()));
     let plane = circle(&|angle| on(across.column(0) * angle.cos() + across.column(1) * angle.sin()));
 
-    let wire = |name: &str, colour, stroke, pieces| Shape { name: name.into(), colour, stroke, pieces };
     let mut shapes = vec![
-        wire("no energy lost", DARK, Stroke::Thin, globe),
-        wire("friction cone", GREY, Stroke::Thin, cone),
-        wire("end of compression", BLUE, Stroke::Thin, vec![plane]),
-        wire("sticking", RED, Stroke::Thin, vec![vec![bottom, top]]),
+        Shape::new("no energy lost", DARK, Stroke::Thin, globe),
+        Shape::new("friction cone", GREY, Stroke::Thin, cone),
+        Shape::new("end of compression", BLUE, Stroke::Thin, vec![plane]),
+        Shape::new("sticking", RED, Stroke::Thin, vec![vec![bottom, top]]),
     ];
     shapes.extend(phases(&path, impulse));
     let all = || shapes.iter().flat_map(|s| s.pieces.iter().flatten().copied()).chain(marks.iter().map(|m| m.at));

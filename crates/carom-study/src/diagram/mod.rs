@@ -20,6 +20,13 @@ pub struct LawPoint<const D: usize> {
     pub impulse: [f64; D],
 }
 
+impl<const D: usize> LawPoint<D> {
+    /// The result of the law at a place of a diagram.
+    fn mark<const E: usize>(&self, at: [f64; E]) -> Mark<E> {
+        Mark { name: self.law.clone(), colour: law_colour(&self.law), symbol: Symbol::Law, at }
+    }
+}
+
 /// A diagram in D dimensions, as data.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagram<const D: usize> {
@@ -50,6 +57,12 @@ pub struct Shape<const D: usize> {
     pub stroke: Stroke,
     /// Vertices of each piece; pieces outside the window are left out.
     pub pieces: Vec<Vec<[f64; D]>>,
+}
+
+impl<const D: usize> Shape<D> {
+    pub(crate) fn new(name: impl Into<String>, colour: [u8; 3], stroke: Stroke, pieces: Vec<Vec<[f64; D]>>) -> Self {
+        Self { name: name.into(), colour, stroke, pieces }
+    }
 }
 
 /// Style of a shape.

@@ -10,10 +10,7 @@
 //! | permissible | in the cone, in the ellipse, at or beyond the line of compression (Chatterjee & Ruina 1998) |
 //! | path | the impulse during the impact, with friction opposing the instantaneous slip (Routh) |
 
-use super::{
-    BLACK, BLUE, DARK, Diagram, GREEN, GREY, LawPoint, Mark, RED, Shape, Stroke, Symbol, has_room, law_colour, spread,
-    visible,
-};
+use super::{BLACK, BLUE, DARK, Diagram, GREEN, GREY, LawPoint, RED, Shape, Stroke, has_room, spread, visible};
 use carom_impact::ImpactProblem;
 use nalgebra::{Matrix2, Vector2};
 
@@ -54,34 +51,25 @@ pub fn routh_diagram(problem: &ImpactProblem<f64, 2>, friction: f64, laws: &[Law
         vec![end(-1.0), end(1.0)]
     };
     let cone = |side: f64| vec![[0.0, 0.0], [side * friction * top, top]];
-    let line = |name: &str, colour, stroke, lines: &[Vec<[f64; 2]>]| Shape {
-        name: name.into(),
-        colour,
-        stroke,
-        pieces: lines.iter().flat_map(|line| visible(line, &window)).collect(),
+    let line = |name: &str, colour, stroke, lines: &[Vec<[f64; 2]>]| {
+        Shape::new(name, colour, stroke, lines.iter().flat_map(|line| visible(line, &window)).collect())
     };
     let area = permissible.iter().map(pair).collect();
     let shapes = vec![
-        Shape { name: "permissible".into(), colour: GREEN, stroke: Stroke::Area, pieces: vec![area] },
+        Shape::new("permissible", GREEN, Stroke::Area, vec![area]),
         line("no energy lost", DARK, Stroke::Thin, &[closed]),
         line("friction cone", GREY, Stroke::Thin, &[cone(1.0), cone(-1.0)]),
         line("end of compression", BLUE, Stroke::Thin, &[across(u.y, h[(0, 1)], h[(1, 1)])]),
         line("sticking", RED, Stroke::Thin, &[across(u.x, h[(0, 0)], h[(0, 1)])]),
         line("path of the impulse", BLACK, Stroke::Thick, &[path.iter().map(|point| pair(&point.impulse)).collect()]),
     ];
-    let mark = |law: &LawPoint<2>| Mark {
-        name: law.law.clone(),
-        colour: law_colour(&law.law),
-        symbol: Symbol::Law,
-        at: law.impulse,
-    };
     Some(Diagram {
         title: "Routh diagram: impulses of one impact".into(),
         axes: ["tangential impulse, N s".into(), "normal impulse, N s".into()],
         window,
         equal_scales: false,
         shapes: shapes.into_iter().filter(|shape| shape.pieces.iter().any(|piece| piece.len() > 1)).collect(),
-        marks: laws.iter().map(mark).collect(),
+        marks: laws.iter().map(|law| law.mark(law.impulse)).collect(),
     })
 }
 

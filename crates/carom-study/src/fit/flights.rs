@@ -13,8 +13,8 @@
 //! samples.
 
 use super::error::FitError;
-use super::least_squares::{MOST_STEPS, OUTLYING, ROUNDING, SETTLED, Samples, lines, medoid, pose_metric, rms, unwrap};
-use super::loss::{Cost, median};
+use super::least_squares::{MOST_STEPS, SETTLED, Samples, greatest_miss, lines, medoid, pose_metric, rms, unwrap};
+use super::loss::Cost;
 use crate::tosses::{TossError, Tosses};
 use carom_chain::{Chain, FramePoint};
 use carom_contact::{Obstacle, gap, link_shapes};
@@ -28,6 +28,26 @@ pub struct Flight {
     pub times: Vec<f64>,
     /// Configuration q at each time, rad or m.
     pub poses: Vec<Vec<f64>>,
+}
+
+impl Flight {
+    /// Removes the samples whose residual is above `greatest` and returns their times; none if fewer than `fewest` would remain.
+    pub(super) fn leave_out(&mut self, misses: &[f64], greatest: f64, fewest: usize) -> Vec<f64> {
+        if misses.iter().filter(|miss| **miss <= greatest).count() < fewest {
+            return Vec::new();
+        }
+        let mut outliers = Vec::new();
+        let (times, poses) = (std::mem::take(&mut self.times), std::mem::take(&mut self.poses));
+        for ((time, pose), miss) in times.into_iter().zip(poses).zip(misses) {
+            if *miss <= greatest {
+                self.times.push(time);
+                self.poses.push(pose);
+            } else {
+                outliers.push(time);
+            }
+        }
+        outliers
+    }
 }
 
 /// The impact between two flights, estimated by [`join_flights`].
@@ -150,19 +170,10 @@ impl<'a> Pair<'a> {
     /// would remain.
     fn leave_out(&mut self, z: &DVector<f64>) -> Result<Vec<f64>, FitError> {
         let misses = self.misses(&self.residual(z)?);
-        let greatest = (OUTLYING * median(misses.iter().copied())).max(ROUNDING);
-        let (mut gone, mut misses) = (Vec::new(), misses.into_iter());
-        for flight in [&mut self.before, &mut self.after] {
-            let fits: Vec<bool> = misses.by_ref().take(flight.times.len()).map(|miss| miss <= greatest).collect();
-            if fits.iter().filter(|fits| **fits).count() < FEWEST {
-                continue;
-            }
-            gone.extend(flight.times.iter().zip(&fits).filter(|(_, fits)| !**fits).map(|(time, _)| *time));
-            let mut kept = fits.iter();
-            flight.times.retain(|_| *kept.next().unwrap_or(&true));
-            let mut kept = fits.iter();
-            flight.poses.retain(|_| *kept.next().unwrap_or(&true));
-        }
+        let greatest = greatest_miss(&misses);
+        let (before, after) = misses.split_at(self.before.times.len());
+        let mut gone = self.before.leave_out(before, greatest, FEWEST);
+        gone.extend(self.after.leave_out(after, greatest, FEWEST));
         gone.sort_by(f64::total_cmp);
         Ok(gone)
     }

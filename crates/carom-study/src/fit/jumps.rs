@@ -13,6 +13,7 @@
 
 use super::bound::least_residual;
 use super::error::FitError;
+use super::least_squares::pose_metric;
 use carom_chain::{Chain, FramePoint};
 use carom_impact::{Coefficients, ImpactError, ImpactProblem, Law, law_by_name};
 use carom_sim::Impacts;
@@ -135,14 +136,7 @@ impl MeasuredImpact {
     /// # Errors
     /// A state that does not fit the chain, a singular normal direction (H_nn = 0), and [`FitError::NoApproach`] if u_n⁻ ≥ 0.
     pub fn of_chain(chain: &Chain, measured: &ChainJump) -> Result<Self, FitError> {
-        let mut workspace = chain.workspace();
-        let mass_matrix = workspace.update(chain, &measured.q)?.mass_matrix();
-        let Some(factor) = mass_matrix.cholesky() else {
-            let joint = chain.joints().first().map_or_else(String::new, |joint| joint.name.clone());
-            return Err(carom_chain::ChainError::NoInertia { joint }.into());
-        };
-        let metric = factor.l().transpose() / chain.total_mass().sqrt();
-        Self::of_chain_in(chain, measured, metric)?.approaching()
+        Self::of_chain_in(chain, measured, pose_metric(chain, &measured.q)?)?.approaching()
     }
 
     fn of_chain_in(chain: &Chain, measured: &ChainJump, metric: DMatrix<f64>) -> Result<Self, FitError> {

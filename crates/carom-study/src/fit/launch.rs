@@ -11,8 +11,8 @@
 
 use super::error::FitError;
 use super::flights::Flight;
-use super::least_squares::{MOST_STEPS, OUTLYING, ROUNDING, SETTLED, Samples, lines, medoid, pose_metric, rms, unwrap};
-use super::loss::{Cost, median};
+use super::least_squares::{MOST_STEPS, SETTLED, Samples, greatest_miss, lines, medoid, pose_metric, rms, unwrap};
+use super::loss::Cost;
 use carom_chain::Chain;
 use carom_sim::free_motion_at;
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -152,21 +152,7 @@ impl Flown<'_> {
     /// Removes the outliers of a fit and returns their times; none if too few samples would remain.
     fn leave_out(&mut self, z: &DVector<f64>) -> Result<Vec<f64>, FitError> {
         let misses = self.misses(&self.residual(z)?);
-        let greatest = (OUTLYING * median(misses.iter().copied())).max(ROUNDING);
-        if misses.iter().filter(|miss| **miss <= greatest).count() < FEWEST {
-            return Ok(Vec::new());
-        }
-        let Flight { times, poses } = std::mem::replace(&mut self.flight, Flight { times: vec![], poses: vec![] });
-        let mut outliers = Vec::new();
-        for ((time, pose), miss) in times.into_iter().zip(poses).zip(misses) {
-            if miss <= greatest {
-                self.flight.times.push(time);
-                self.flight.poses.push(pose);
-            } else {
-                outliers.push(time);
-            }
-        }
-        Ok(outliers)
+        Ok(self.flight.leave_out(&misses, greatest_miss(&misses), FEWEST))
     }
 }
 

@@ -27,9 +27,9 @@ pub(crate) const SETTLED: f64 = 1e-9;
 /// The same for the fit that finds outliers.
 pub(crate) const ROUGH: f64 = 1e-4;
 /// Residuals below this are rounding errors and the error of the integration, m.
-pub(crate) const ROUNDING: f64 = 1e-8;
+const ROUNDING: f64 = 1e-8;
 /// Residuals beyond this number of medians are outliers.
-pub(crate) const OUTLYING: f64 = 10.0;
+const OUTLYING: f64 = 10.0;
 /// Step of the numerical derivative: m, rad, m/s, rad/s, s.
 const STEP: f64 = 1e-6;
 
@@ -116,6 +116,11 @@ pub(crate) trait Samples {
         }
         Ok((z, false))
     }
+}
+
+/// The greatest norm of the residual of a sample that is no outlier.
+pub(crate) fn greatest_miss(misses: &[f64]) -> f64 {
+    (OUTLYING * median(misses.iter().copied())).max(ROUNDING)
 }
 
 /// Root mean square of residuals.

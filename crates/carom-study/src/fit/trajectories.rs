@@ -9,7 +9,7 @@ use super::confidence::{percentiles, resample};
 use super::error::FitError;
 use super::loss::{Cost, Loss, median};
 use super::search::Region;
-use super::{Coefficient, FRICTION, Fit, FitOptions, FittedTo, INERTIA, Interval, Misfit, Model, Score};
+use super::{Coefficient, Fit, FitOptions, FittedTo, INERTIA, Interval, Misfit, Model, Score};
 use crate::tosses::{Horizon, Launch, RollOut, RollOutOptions, Scene, Start, TossError, Tosses};
 use carom_sim::{ContactLaw, ContactRule};
 use rayon::prelude::*;
@@ -215,16 +215,10 @@ fn intervals(
         let (low, high) = percentiles(drawn.iter().map(|x| x[k]).collect(), options.confidence);
         let (low, high) = (low.min(value), high.max(value));
         let (name, (lower, upper)) = model.coefficients[k];
-        all.push(Coefficient { name, value, low, high, interval: Interval::Bootstrap });
-        if let Some(end) = [lower, upper].into_iter().find(|end| (value - end).abs() < 1e-6 * (upper - lower)) {
-            let more = if name == FRICTION && end > 0.0 { ": raise the largest friction" } else { "" };
-            notes.push(format!("{name} is at its bound {end}{more}"));
-        }
-        if high - low > 0.9 * (upper - lower) {
-            notes.push(format!(
-                "the interval of {name} covers more than 90 % of the range searched: it is poorly identified"
-            ));
-        }
+        let one = Coefficient { name, value, low, high, interval: Interval::Bootstrap };
+        let end = [lower, upper].into_iter().find(|end| (value - end).abs() < 1e-6 * (upper - lower));
+        notes.extend(model.notes(k, &one, end));
+        all.push(one);
     }
     notes.push(format!(
         "the intervals are from {DRAWN} bootstrap samples of the tosses over the {} sets of coefficients that were tried; \

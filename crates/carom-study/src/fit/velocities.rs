@@ -250,20 +250,7 @@ impl Work<'_> {
                 ));
                 continue;
             }
-            if let Some(end) = bound(k) {
-                let more = if name == FRICTION && end > 0.0 { ": raise the largest friction" } else { "" };
-                notes.push(format!("{name} is at its bound {end}{more}"));
-            }
-            if one.interval == Interval::Alike {
-                notes.push(format!(
-                    "only one impact identifies {name}: its interval assumes the same noise in all impacts"
-                ));
-            }
-            if one.high - one.low > 0.9 * side(k) {
-                notes.push(format!(
-                    "the interval of {name} covers more than 90 % of the range searched: it is poorly identified"
-                ));
-            }
+            notes.extend(self.model.notes(k, one, bound(k)));
         }
         Ok(all)
     }

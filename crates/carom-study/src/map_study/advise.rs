@@ -123,7 +123,10 @@ impl Study {
         sorted.sort_by(f64::total_cmp);
         let value = |cost: f64| if wish.maximise { -cost } else { cost };
         let spread = match (sorted.first(), sorted.last()) {
-            (Some(best), Some(worst)) => Some([*best, sorted[sorted.len() / 2], *worst].map(value)),
+            (Some(best), Some(worst)) => {
+                let [below, above] = [sorted[(sorted.len() - 1) / 2], sorted[sorted.len() / 2]];
+                Some([*best, below.midpoint(above), *worst].map(value))
+            }
             _ => None,
         };
         let axes = self.axes();

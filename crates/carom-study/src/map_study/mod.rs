@@ -161,8 +161,6 @@ impl Study {
 }
 
 impl NumberedRows for Study {
-    type Carry = ();
-
     fn columns(&self) -> &[Column] {
         &self.columns
     }
@@ -179,8 +177,8 @@ impl NumberedRows for Study {
         vec![("the study file".into(), self.text.clone()), ("the robot's file".into(), self.urdf.clone())]
     }
 
-    fn compute(&self, block: Block, (): &mut ()) {
-        block.each(|| self.evaluator(), |evaluator, index, row| evaluator.row(index, row));
+    fn compute(&self, block: Block) -> usize {
+        block.each(|| self.evaluator(), |evaluator, index, row| evaluator.row(index, row))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::boundary::EDGES;
 use crate::Column;
-use carom_impact::Edge;
+use carom_impact::{Edge, Flags};
 
 /// Result of a row: why it has no numbers, or how the tangential velocity of the contact point changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -144,21 +144,22 @@ pub(super) fn by_name(name: &str) -> Option<Quantity> {
     KNOWN.iter().find(|(known, ..)| *known == name).map(|(.., quantity)| *quantity)
 }
 
+/// The flags that a map tells, in the order of their bits.
+const FLAGS: [Flags; 6] =
+    [Flags::ENERGY_GAIN, Flags::JAM, Flags::SINGULAR, Flags::GRAZING, Flags::NON_UNIQUE, Flags::NO_APPROACH];
+
 /// Words for every set of flags, in the order of their bits.
 fn flag_sets() -> Vec<String> {
-    let all = ["energy-gain", "jam", "singular", "grazing", "non-unique", "no-approach"];
     let set = |bits: usize| {
-        let names = all.iter().enumerate().filter(|(k, _)| bits >> k & 1 == 1).map(|(_, name)| *name);
-        names.collect::<Vec<_>>().join("+")
+        let flags = FLAGS.iter().enumerate().filter(|(k, _)| bits >> k & 1 == 1);
+        flags.flat_map(|(_, flag)| flag.names()).collect::<Vec<_>>().join("+")
     };
-    (0..1 << all.len()).map(set).collect()
+    (0..1 << FLAGS.len()).map(set).collect()
 }
 
 /// The code of a set of flags among [`flag_sets`].
-pub(super) fn flag_code(flags: carom_impact::Flags) -> f64 {
-    use carom_impact::Flags as F;
-    let all = [F::ENERGY_GAIN, F::JAM, F::SINGULAR, F::GRAZING, F::NON_UNIQUE, F::NO_APPROACH];
-    let bits = all.iter().enumerate().map(|(k, flag)| u8::from(flags.contains(*flag)) << k).sum::<u8>();
+pub(super) fn flag_code(flags: Flags) -> f64 {
+    let bits = FLAGS.iter().enumerate().map(|(k, flag)| u8::from(flags.contains(*flag)) << k).sum::<u8>();
     f64::from(bits)
 }
 
@@ -199,7 +200,6 @@ impl Quantity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use carom_impact::Flags;
 
     #[test]
     fn every_quantity_is_found_by_name_and_has_unique_columns() {

@@ -13,6 +13,7 @@
 //! | λ | 1 | damping relative to the mean of the diagonal of J Jᵀ | `damping` |
 
 use super::pointing::Pointing;
+use crate::self_motion::triangle;
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, ChainError, Kinematics, Point, Workspace};
 use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
@@ -21,9 +22,9 @@ use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
 const STEPS: usize = 60;
 /// Number of starts tried after a seed has failed.
 const MORE_STARTS: usize = 12;
-/// Residual at which the iteration ends, relative to the arm's length: rounding.
+/// Residual at which the iteration ends, relative to the size of the problem: rounding.
 const REACHED: f64 = 1e-13;
-/// Residual that is accepted if rounding ends the iteration earlier, relative to the arm's length.
+/// Residual that is accepted if rounding ends the iteration earlier, relative to the size of the problem.
 const NEARLY: f64 = 1e-10;
 /// Greatest change of a joint in one step, rad or m.
 const LONGEST_STEP: f64 = 0.7;
@@ -40,6 +41,8 @@ pub(super) struct Reach<const D: usize> {
     more: Vec<Vec<f64>>,
     /// Position of the first joint and the total length of the links after it, if all joints are revolute.
     within: Option<(SVector<f64, D>, f64)>,
+    /// Reach of the arm, m: its links, and its sliders where the search starts. The size of the problem is this, or the distance of a
+    /// target that is farther, since rounding of positions is relative to the largest length that they are sums of.
     size: f64,
     /// (lower, upper) of each entry of q.
     limits: Vec<(f64, f64)>,
@@ -52,18 +55,14 @@ struct TwoLinks {
     lengths: [f64; 2],
     /// Direction of the first link, and angle from the first to the second, with both joints at zero; rad.
     zero: [f64; 2],
+    /// ±1: left in the axes of the chain is left in the view in which an elbow is up.
+    view: f64,
     /// ±1: sense of rotation of each joint.
     sense: [f64; 2],
 }
 
-/// A triangle of base, elbow and tip: the direction of the tip from the base, the angle at the base from it to the first link,
-/// and the bend at the elbow; rad.
-#[derive(Clone, Copy)]
-pub(super) struct Triangle {
-    direction: f64,
-    base: f64,
-    bend: f64,
-}
+/// The triangle of base, elbow and tip that [`triangle`] computes.
+pub(super) type Triangle = [f64; 3];
 
 /// Placement and limits of an arm.
 pub(super) struct About<'a, const D: usize> {
@@ -99,10 +98,18 @@ impl<const D: usize> Reach<D> {
         let base = root.map_or(SVector::zeros(), |i| chain.bodies()[i].placement.translation);
         let turns = path.iter().all(|&i| about.hinges[chain.bodies()[i].q_index]);
         let whole = rows.len() == D;
-        let size = length + base.norm();
+        let slides = path.iter().map(|&i| &chain.bodies()[i]).filter(|body| !about.hinges[body.q_index]);
+        let strokes = slides.map(|body| {
+            let (low, high) = starts(about.limits[body.q_index], 1.0);
+            body.ratio.abs() * low.abs().max(high.abs())
+        });
+        let size = length + base.norm() + strokes.sum::<f64>();
         let pointing = pointing.map(|it| it.weighted(size));
-        let closed =
-            if D == 2 && whole && turns && pointing.is_none() { TwoLinks::of(chain, point, &path)? } else { None };
+        let closed = if D == 2 && whole && turns && pointing.is_none() {
+            TwoLinks::of(chain, point, &path, about.basis)?
+        } else {
+            None
+        };
         let default_seeds = || {
             let bent = |angle: f64| {
                 let each = about.limits.iter().zip(&about.hinges);
@@ -143,7 +150,7 @@ impl<const D: usize> Reach<D> {
     /// The triangle of both solutions in closed form for the point at `target`; `None` out of reach.
     pub fn triangle(&self, target: &[f64]) -> Option<Triangle> {
         let (links, own) = (self.closed.as_ref()?, self.own(target)?);
-        links.triangle([own[0], own[1]])
+        triangle(links.lengths, [own[0] - links.base[0], own[1] - links.base[1]])
     }
 
     /// Computes `q` from a triangle; `branch` is 0 for elbow up and 1 for elbow down.
@@ -206,6 +213,8 @@ impl<const D: usize> Reach<D> {
     ) -> Result<bool, ChainError> {
         let (m, facing) = (self.rows.len(), self.pointing.as_ref());
         let count = m + facing.map_or(0, Pointing::rows);
+        let distance = self.rows.iter().zip(target).map(|((_, origin), x)| (x - origin).powi(2)).sum::<f64>().sqrt();
+        let size = self.size.max(distance);
         let missing = |kin: &Kinematics<A>| {
             let at = kin.position(point);
             let turned = facing.map(|facing| kin.position(facing.ahead(point)) - at);
@@ -221,7 +230,7 @@ impl<const D: usize> Reach<D> {
         let mut damping = 1e-4;
         let mut trial = q.to_vec();
         for _ in 0..STEPS {
-            if r.norm() <= REACHED * self.size {
+            if r.norm() <= REACHED * size {
                 break;
             }
             let kin = workspace.update(chain, q)?;
@@ -267,7 +276,7 @@ impl<const D: usize> Reach<D> {
             q.copy_from_slice(&trial);
             r = left;
         }
-        if r.norm() > NEARLY * self.size {
+        if r.norm() > NEARLY * size {
             return Ok(false);
         }
         let Some(facing) = facing else { return Ok(true) };
@@ -302,10 +311,16 @@ fn start<const D: usize>(k: usize, about: &About<D>) -> Vec<f64> {
     each.map(|((&(lower, upper), hinge), prime)| {
         let share = (k as f64 * f64::from(prime).sqrt()).fract();
         let widest = if *hinge { std::f64::consts::PI } else { 1.0 };
-        let (low, high) = (lower.max(middle(lower, upper) - widest), upper.min(middle(lower, upper) + widest));
+        let (low, high) = starts((lower, upper), widest);
         low + (high - low) * share
     })
     .collect()
+}
+
+/// The part of a joint's range from which the search starts: `widest` to both sides of its middle at most.
+fn starts((lower, upper): (f64, f64), widest: f64) -> (f64, f64) {
+    let middle = middle(lower, upper);
+    (lower.max(middle - widest), upper.min(middle + widest))
 }
 
 impl TwoLinks {
@@ -314,6 +329,7 @@ impl TwoLinks {
         chain: &Chain<A>,
         point: Point<A>,
         path: &[usize],
+        basis: &SMatrix<f64, 3, D>,
     ) -> Result<Option<Self>, ChainError> {
         let &[second, first] = path else { return Ok(None) };
         if chain.nq() != 2 || chain.bodies().len() != 2 || chain.bodies()[first].q_index != 0 {
@@ -339,19 +355,17 @@ impl TwoLinks {
         ];
         let direction = upper[1].atan2(upper[0]);
         let zero = [direction, lower[1].atan2(lower[0]) - direction];
-        Ok(Some(Self { base, lengths, zero, sense: senses }))
-    }
-
-    /// The triangle by the law of cosines.
-    fn triangle(&self, target: [f64; 2]) -> Option<Triangle> {
-        let from_base = [target[0] - self.base[0], target[1] - self.base[1]];
-        let [direction, base, bend] = crate::self_motion::triangle(self.lengths, from_base)?;
-        Some(Triangle { direction, base, bend })
+        // The plane is seen with x to the right and z up, y to the right and z up, or x to the right and y up: for the axes of a plane
+        // whose normal is next to y, which is positive, this is the view from behind.
+        let normal = Vector3::from(basis.column(0)).cross(&basis.column(1));
+        let view = if normal.iamax() == 1 { -1.0 } else { 1.0 };
+        Ok(Some(Self { base, lengths, zero, view, sense: senses }))
     }
 
     /// A solution, up to whole turns; `elbow` = +1: left of the line from base to tip.
-    fn pose(&self, &Triangle { direction, base, bend }: &Triangle, elbow: f64) -> [f64; 2] {
-        let turns = [direction + elbow * base, -elbow * bend];
+    fn pose(&self, &[direction, base, bend]: &Triangle, elbow: f64) -> [f64; 2] {
+        let side = elbow * self.view;
+        let turns = [direction + side * base, -side * bend];
         std::array::from_fn(|k| self.sense[k] * (turns[k] - self.zero[k]))
     }
 }

@@ -12,7 +12,7 @@ use super::{Study, StudyError};
 use crate::Column;
 use carom_chain::algebra::Algebra;
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
-use carom_chain::{Chain, Coordinates, FrameId, FramePoint, JointInfo, Point, ToolMotion, input};
+use carom_chain::{Chain, ChainError, Coordinates, FrameId, FramePoint, JointInfo, Point, ToolMotion, input};
 use carom_impact::{AnyLaw, Coefficients, LAW_NAMES, LawInfo};
 use carom_sim::keys::Table;
 use nalgebra::{SMatrix, SVector, Vector3};
@@ -46,8 +46,10 @@ impl Study {
         let file: File = carom_sim::from_toml(&text).map_err(refuse)?;
         let (urdf, options) = file.robot.0.0.options(folder).map_err(|why| refuse(format!("[robot] {why}")))?;
         let options = LoadOptions { meshes: Meshes::Ignored, ..options }; // collision shapes are not used
-        let chain = Chain::from_urdf_file_with(&urdf, &options).map_err(StudyError::Robot)?;
-        chain.check_dynamics().map_err(|e| refuse(format!("[robot] urdf: {e}")))?;
+        let chain = Chain::from_urdf_file_with(&urdf, &options).map_err(|e| match key_of(&e, &options) {
+            Some(key) => refuse(format!("[robot]{key} {e}")),
+            None => StudyError::Robot(e),
+        })?;
         let files = vec![urdf.clone()];
         let urdf = input::read_text(&urdf, input::MOST_MIB).map_err(|e| refuse(format!("[robot] urdf: {e}")))?;
         let read = Reading { file: &file, chain: &chain };
@@ -112,11 +114,13 @@ impl Reading<'_> {
                 joint.kind.name()
             ));
         }
+        let added = self.added()?;
+        chain.check_dynamics_with(&added).map_err(|e| format!("[robot] urdf: {e}"))?;
         let zero = vec![0.0; chain.nq()];
         let mut workspace = chain.workspace();
         let at_zero = {
             let mut kin = workspace.update(chain, &zero).map_err(|e| e.to_string())?;
-            kin.contact(point, Vector3::zeros(), &[]).map_err(|e| format!("[robot] {e}"))?;
+            kin.contact(point, Vector3::zeros(), &added).map_err(|e| format!("[robot] {e}"))?;
             kin.position(point)
         };
         // planar only if all normals lie in the plane
@@ -261,11 +265,13 @@ impl Reading<'_> {
                     get(name).ok_or_else(|| format!("[joints] has no {name}: give every moving joint a value or a range"))?;
                 let unit = if joint.kind == JointType::Prismatic { "m" } else { "rad" };
                 let axis = Axis::new(format!("q.{name}"), unit, values).map_err(|why| format!("[joints] {name}: {why}"))?;
-                let (lower, upper) = limits_of(joint);
+                let (lower, upper) = range_of(self.chain, joint);
                 if let Some(at) = axis.outside(lower, upper).filter(|_| self.has_limits()) {
+                    let alone = (lower, upper) == limits_of(joint);
+                    let whose = if alone { "the joint's limits" } else { "the limits of the joint and of those that mimic it" };
                     warnings.push(format!(
-                        "[joints] {name} = {at} {unit} is beyond the joint's limits, {lower} to {upper}: such rows have no \
-                         numbers; set [robot] limits = false to compute them"
+                        "[joints] {name} = {at} {unit} is beyond {whose}, {lower} to {upper}: such rows have no numbers; set \
+                         [robot] limits = false to compute them"
                     ));
                 }
                 Ok(axis)
@@ -304,7 +310,8 @@ impl Reading<'_> {
         }
         let (mut limits, mut hinges) = (Vec::new(), Vec::new());
         for joint in own(self.chain) {
-            limits.push(if self.has_limits() { limits_of(joint) } else { (f64::NEG_INFINITY, f64::INFINITY) });
+            let unbounded = (f64::NEG_INFINITY, f64::INFINITY);
+            limits.push(if self.has_limits() { range_of(self.chain, joint) } else { unbounded });
             hinges.push(joint.kind != JointType::Prismatic);
         }
         let about = About { basis, origin: *origin, limits, hinges };
@@ -444,6 +451,17 @@ fn wish(advise: &Advise, columns: &[Column]) -> Result<Wish, String> {
     Ok(Wish { column: name, maximise, classes, bounds, best: advise.best })
 }
 
+/// Where an error comes from numbers of `[robot]` and not from the URDF: the key, if the message does not begin with it.
+fn key_of(error: &ChainError, options: &LoadOptions) -> Option<&'static str> {
+    match error {
+        ChainError::UnknownFrame { name, .. } if options.mass.contains_key(name) => Some(" mass:"),
+        ChainError::UnknownFrame { .. } => Some(" inertia:"),
+        ChainError::UnknownJoint { .. } => Some(" rotor_inertia:"),
+        ChainError::OutOfRange { .. } => Some(""),
+        _ => None,
+    }
+}
+
 /// The joints with coordinates of their own (neither fixed nor mimic), in the order of q.
 fn own(chain: &Chain) -> impl Iterator<Item = &JointInfo> {
     chain.joints().iter().filter(|joint| matches!(joint.coordinates, Coordinates::Own { .. }))
@@ -453,6 +471,13 @@ fn limits_of(joint: &JointInfo) -> (f64, f64) {
     let hinge = joint.kind == JointType::Continuous;
     let (lower, upper) = if hinge { (None, None) } else { (joint.limits.lower, joint.limits.upper) };
     (lower.unwrap_or(f64::NEG_INFINITY), upper.unwrap_or(f64::INFINITY))
+}
+
+/// The limits of a joint with a coordinate of its own, and of those that mimic it; those of the joint where they leave no position.
+fn range_of(chain: &Chain, joint: &JointInfo) -> (f64, f64) {
+    let own = chain.coordinate_of(joint).map_or([None, None], |own| chain.limits_of(own.q));
+    let (lower, upper) = (own[0].unwrap_or(f64::NEG_INFINITY), own[1].unwrap_or(f64::INFINITY));
+    if lower <= upper { (lower, upper) } else { limits_of(joint) }
 }
 
 /// Every joint with a position limit: index of q, ratio and shift (position = ratio · q + shift), lower and upper limit.

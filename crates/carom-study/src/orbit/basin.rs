@@ -91,6 +91,7 @@ impl Problem {
         columns.push(Column::word("outcome", ["settled", "unsettled"].into_iter().chain(FAILURES)));
         columns.extend(["cycles", "period"].map(Column::number));
         columns.extend(self.state_columns());
+        self.check_modulo_at_start()?;
         let plan = grid.is_of_starts().then(|| self.plan_in(grid, [x.value(0), y.value(0)])).transpose()?;
         let chain = &self.scene.simulation.chain;
         let mut returns = vec![true; chain.nq() + chain.nv()];
@@ -335,8 +336,6 @@ fn letter(k: usize) -> char {
 }
 
 impl NumberedRows for Basin<'_> {
-    type Carry = ();
-
     fn columns(&self) -> &[Column] {
         &self.columns
     }
@@ -357,15 +356,9 @@ impl NumberedRows for Basin<'_> {
         CHUNK * rayon::current_num_threads()
     }
 
-    fn compute(&self, mut block: Block, (): &mut ()) {
-        let rows = (block.first..block.first + block.count as u64).into_par_iter().map(|number| {
-            if block.stop.load(Ordering::Relaxed) {
-                return Vec::new();
-            }
-            (block.progress)(1);
-            self.row(number)
-        });
-        let rows: Vec<Vec<f64>> = rows.collect();
+    fn compute(&self, mut block: Block) -> usize {
+        let rows = block.map(|number| self.row(number));
         rows.iter().enumerate().for_each(|(place, row)| block.set(place, row));
+        rows.len()
     }
 }

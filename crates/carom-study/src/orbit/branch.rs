@@ -48,7 +48,7 @@ pub struct Branch {
     pub special: Vec<Special>,
     /// Why it ends, in a word: `range` (its end), `start` (back beyond the start of the range), `points` (their greatest number); `grazing`,
     /// `sticking`, `sliding`, `accumulation`, `events` (how the events change there); `section` (an event comes to the time of the section, which
-    /// has no place elsewhere); a word of [`FAILURES`](super::FAILURES) or `not-converged` (what fails there).
+    /// has no place elsewhere); an [`OrbitError::name`] (what fails there).
     pub ended: &'static str,
     /// Why it ends, in a sentence.
     pub end: String,
@@ -77,6 +77,9 @@ pub struct Special {
     /// Number of points of the branch up to it.
     pub after: usize,
 }
+
+/// The next point of a branch, and the number of corrections that found it.
+type Next = (Place, usize);
 
 /// A point of a branch with its direction.
 struct Place {
@@ -170,8 +173,7 @@ impl Problem {
         let unknown = self.unknown(n);
         let m = unknown.len();
         // Inverse iteration; the flip is located to less than the shift.
-        let shifted = look.found.by_state.select_rows(&unknown).select_columns(&unknown)
-            + DMatrix::identity(m, m) * (1.0 + EIGENVALUE);
+        let shifted = problem.returning(&look.found.by_state) + DMatrix::identity(m, m) * (1.0 + EIGENVALUE);
         let factors = shifted.lu();
         let mut along = DVector::from_element(m, 1.0);
         for _ in 0..STEPS {
@@ -214,7 +216,14 @@ impl Problem {
                 (branch.ended, branch.end) = ("range", format!("{} = {}, the end of the range", vary.name, vary.to));
                 return Ok(branch);
             }
-            match problem.next(vary, &here, step) {
+            let mut next = problem.next(vary, &here, step);
+            if next.is_err()
+                && step <= SHORTEST
+                && let Some((longer, over)) = problem.over(vary, &here)?
+            {
+                (step, next) = (longer, Ok(over));
+            }
+            match next {
                 Ok((there, iterations)) => {
                     let share = beyond(there.value);
                     problem.specials(vary, &here, &there, step, &mut branch);
@@ -278,7 +287,7 @@ impl Problem {
         Some(&period.events.iter().find(near)?.what)
     }
 
-    /// The same place with its section in the middle of the longest time without events and contacts.
+    /// The same place with its section in the middle of the longest time without events and contacts where there are derivatives.
     fn elsewhere(&self, vary: &Vary, here: &Place) -> Option<(Self, Place)> {
         let period = &here.look.found.period;
         let one = period.time / self.passages as f64;
@@ -287,23 +296,40 @@ impl Problem {
         let next = times.iter().skip(1).copied().chain([times.first()? + one]);
         let mut free: Vec<[f64; 2]> = times.iter().zip(next).map(|(from, to)| [*from, to]).collect();
         free.sort_by(|[from, to], [a, b]| (b - a).total_cmp(&(to - from)));
-        let mut middles = free.iter().map(|[from, to]| 0.5 * (from + to));
-        let (later, Moment { q, qd, .. }) = middles.find_map(|later| {
+        free.iter().find_map(|[from, to]| {
+            let later = 0.5 * (from + to);
             let mut session = self.session(&here.plan, &here.look.x).ok()?;
             session.advance(later).ok()?;
-            session.contacts().is_ok_and(|contacts| contacts.is_empty()).then(|| (later, session.moment()))
-        })?;
-        let phase = self.phase + later / one;
-        // A period later the motion is the same, or mirrored.
-        let phase = if self.relabel.is_empty() { phase.fract() } else { phase };
-        let problem = Self { phase, ..self.clone() };
-        let plan = problem.plan(Some(here.value)).ok()?;
-        let look = problem.look(&plan, State { q, qd }, problem.parameter(here.value).as_ref()).ok()?;
-        let n = look.r.len();
-        let mut before = DVector::zeros(n + 1);
-        before[n] = here.direction[n].signum();
-        let there = problem.place(vary, (here.value, plan), look, &before);
-        Some((problem, there))
+            session.contacts().is_ok_and(|contacts| contacts.is_empty()).then_some(())?;
+            let Moment { q, qd, .. } = session.moment();
+            let phase = self.phase + later / one;
+            // A period later the motion is the same, or mirrored.
+            let phase = if self.relabel.is_empty() { phase.fract() } else { phase };
+            let problem = Self { phase, ..self.clone() };
+            let plan = problem.plan(Some(here.value)).ok()?;
+            let look = problem.look(&plan, State { q, qd }, problem.parameter(here.value).as_ref()).ok()?;
+            let n = look.r.len();
+            let mut before = DVector::zeros(n + 1);
+            before[n] = here.direction[n].signum();
+            let there = problem.place(vary, (here.value, plan), look, &before);
+            Some((problem, there))
+        })
+    }
+
+    /// The shortest of longer steps that leads on: without a derivative near here, as beside a grazing that was just passed, with its length.
+    ///
+    /// # Errors
+    /// If it is stopped.
+    fn over(&self, vary: &Vary, here: &Place) -> Result<Option<(f64, Next)>, OrbitError> {
+        let mut step = 10.0 * SHORTEST;
+        while step < LONGEST {
+            match self.next(vary, here, step) {
+                Err(OrbitError::Run(error @ carom_sim::SimError::Stopped { .. })) => return Err(error.into()),
+                Ok(next) => return Ok(Some((step, next))),
+                Err(_) => step *= 10.0,
+            }
+        }
+        Ok(None)
     }
 
     /// Why a branch ends after a place, where longer steps fail with this error: how the events of motions beyond it differ, or what fails.
@@ -346,8 +372,7 @@ impl Problem {
         unknown.iter().enumerate().for_each(|(i, k)| direction[*k] = null[i]);
         direction[n] = null[m];
         direction /= direction.norm();
-        let map = look.found.by_state.select_rows(&unknown).select_columns(&unknown);
-        let flip = (&map + DMatrix::identity(m, m)).determinant();
+        let flip = (self.returning(&look.found.by_state) + DMatrix::identity(m, m)).determinant();
         let torus = torus(&self.multipliers(&look.found.by_state));
         Place { value, plan, look, direction, flip, torus }
     }
@@ -355,14 +380,13 @@ impl Problem {
     /// G, without the rows and columns of `modulo` coordinates.
     fn extended(&self, vary: &Vary, look: &Look, unknown: &[usize]) -> DMatrix<f64> {
         let m = unknown.len();
-        let mut g = look.found.by_state.select_rows(unknown).select_columns(unknown) - DMatrix::identity(m, m);
-        g = g.insert_column(m, 0.0);
+        let mut g = (self.returning(&look.found.by_state) - DMatrix::identity(m, m)).insert_column(m, 0.0);
         g.set_column(m, &(look.found.by_parameter.select_rows(unknown) * (vary.to - vary.from)));
         g
     }
 
-    /// The point at a length `step` along the direction, and the number of corrections.
-    fn next(&self, vary: &Vary, here: &Place, step: f64) -> Result<(Place, usize), OrbitError> {
+    /// The point at a length `step` along the direction.
+    fn next(&self, vary: &Vary, here: &Place, step: f64) -> Result<Next, OrbitError> {
         let n = here.look.r.len();
         let unknown = self.unknown(n);
         let m = unknown.len();
@@ -400,9 +424,9 @@ impl Problem {
         Err(OrbitError::NotConverged { iterations: CORRECTIONS, residual: last })
     }
 
-    /// The orbit at the end of the range after a point from which the branch leads there by a length `step`, and the number of runs; `None` if
+    /// The orbit at the end of the range after a point from which the branch leads there by a length `step`; `None` if
     /// it is not found on the branch.
-    fn landed(&self, vary: &Vary, here: &Place, step: f64) -> Option<(Place, usize)> {
+    fn landed(&self, vary: &Vary, here: &Place, step: f64) -> Option<Next> {
         let n = here.look.r.len();
         let plan = self.plan(Some(vary.to)).ok()?;
         let along = here.direction.rows(0, n) * step;

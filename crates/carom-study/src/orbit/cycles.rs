@@ -22,6 +22,8 @@ pub struct Cycles<'p> {
     skip: u64,
     keep: u64,
     failures: Mutex<Failures>,
+    /// Where the last rows end that were computed, so that the next ones need not begin anew. Rows do not depend on it.
+    left: Mutex<Left>,
     /// The column that is drawn, and its number of each row; [`MISSING`] of rows that are not computed yet.
     drawn: Option<(usize, Vec<AtomicU64>)>,
 }
@@ -55,6 +57,7 @@ impl Problem {
                 "[vary] is missing, and several values of the parameter are asked for: give it parameter, from and to",
             );
         }
+        self.check_modulo_at_start()?;
         Ok(Cycles {
             problem: self,
             columns: self.cycle_columns(),
@@ -62,6 +65,7 @@ impl Problem {
             skip,
             keep,
             failures: Mutex::default(),
+            left: Mutex::default(),
             drawn: None,
         })
     }
@@ -160,7 +164,7 @@ impl Cycles<'_> {
     }
 
     /// The rows `rows`, which are of one value of the parameter, and where they end.
-    fn of_value(&self, rows: Range<u64>, carry: &Left, stop: &AtomicBool) -> (Vec<f64>, Result<State, f64>) {
+    fn of_value(&self, rows: Range<u64>, left: &Left, stop: &AtomicBool) -> (Vec<f64>, Result<State, f64>) {
         let (number, from) = (rows.start / self.keep, rows.start % self.keep);
         let value = self.value(number);
         let failed = |error: OrbitError| {
@@ -172,7 +176,7 @@ impl Cycles<'_> {
             }
             outcome
         };
-        let (mut here, before) = match carry {
+        let (mut here, before) = match left {
             Some((row, here)) if *row == rows.start && from > 0 => (here.clone(), 0),
             _ => (Ok(self.problem.start()), self.skip + from),
         };
@@ -213,8 +217,6 @@ impl Cycles<'_> {
 }
 
 impl NumberedRows for Cycles<'_> {
-    type Carry = Left;
-
     fn columns(&self) -> &[Column] {
         &self.columns
     }
@@ -237,11 +239,11 @@ impl NumberedRows for Cycles<'_> {
         rayon::current_num_threads().saturating_mul(keep).clamp(CHUNK, 1 << 20)
     }
 
-    fn compute(&self, mut block: Block, carry: &mut Left) {
+    fn compute(&self, mut block: Block) -> usize {
         let end = block.first + block.count as u64;
         let values: Vec<u64> = (block.first / self.keep..=(end - 1) / self.keep).collect();
         let rows = |value: u64| block.first.max(value * self.keep)..end.min((value + 1) * self.keep);
-        let before = std::mem::take(carry);
+        let before = std::mem::take(&mut *self.left.lock().unwrap_or_else(PoisonError::into_inner));
         let found = values.par_iter().map(|value| {
             let rows = rows(*value);
             let done = rows.end - rows.start;
@@ -249,14 +251,16 @@ impl NumberedRows for Cycles<'_> {
             (block.progress)(done);
             found
         });
-        let found: Vec<_> = found.collect();
-        let mut place = 0;
-        for (numbers, left) in found {
-            for row in numbers.chunks_exact(block.width) {
-                block.set(place, row);
-                place += 1;
-            }
-            *carry = Some((end, left));
+        let mut found: Vec<_> = found.collect();
+        let rows = found.iter().flat_map(|(numbers, _)| numbers.chunks_exact(block.width));
+        let rows: Vec<&[f64]> = rows.collect();
+        rows.into_iter().enumerate().for_each(|(place, row)| block.set(place, row));
+        // Of cycles that were interrupted the state is not that of the last row.
+        if block.stop.load(Ordering::Relaxed) {
+            return 0;
         }
+        let left = found.pop().map(|(_, left)| (end, left));
+        *self.left.lock().unwrap_or_else(PoisonError::into_inner) = left;
+        block.count
     }
 }

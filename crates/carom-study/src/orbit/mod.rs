@@ -19,6 +19,7 @@ mod cycles;
 mod newton;
 mod pictures;
 mod problem;
+mod read;
 mod return_map;
 mod table;
 
@@ -186,6 +187,19 @@ pub enum OrbitError {
         /// The least that was reached.
         residual: f64,
     },
+    /// The states to which Newton's method leads are inside of bodies or beyond limits.
+    #[error(
+        "no orbit near the start: in step {iterations} of Newton's method P(x) − x is {residual:.1e}, and from the state that it leads to the motion \
+         cannot begin ({why}); choose a start nearer to the orbit, or more passages before the first step"
+    )]
+    LeadsInside {
+        /// Number of the step.
+        iterations: usize,
+        /// The least that was reached.
+        residual: f64,
+        /// What is wrong with the state.
+        why: Box<OrbitError>,
+    },
     /// Newton's method converged to an orbit that is not on the branch.
     #[error(
         "the nearest orbit is {distance:.1e} (m, rad, their rates, shares of the range) beside the line along which the branch leads: it is \
@@ -198,11 +212,10 @@ pub enum OrbitError {
 }
 
 /// How runs to the section fail, as words of tables; the book explains them: `book/src/task-orbits.md`.
-pub const FAILURES: [&str; 8] =
-    ["no-return", "overlap", "jam", "squeezed", "jumps", "pressing", "no-derivative", "fails"];
+const FAILURES: [&str; 8] = ["no-return", "overlap", "jam", "squeezed", "jumps", "pressing", "no-derivative", "fails"];
 
 impl OrbitError {
-    /// Its name: one of [`FAILURES`], or `not-converged`.
+    /// Its name: `no-return`, `overlap`, `jam`, `squeezed`, `jumps`, `pressing`, `no-derivative`, `fails`, as in tables, or `not-converged`.
     pub fn name(&self) -> &'static str {
         match self {
             Self::NoReturn { .. } => "no-return",
@@ -212,7 +225,7 @@ impl OrbitError {
             Self::Jumps { .. } => "jumps",
             Self::Presses { .. } => "pressing",
             Self::NoDerivative { .. } => "no-derivative",
-            Self::NotConverged { .. } | Self::Apart { .. } => "not-converged",
+            Self::NotConverged { .. } | Self::Apart { .. } | Self::LeadsInside { .. } => "not-converged",
             Self::File { .. } | Self::Run(_) => "fails",
         }
     }

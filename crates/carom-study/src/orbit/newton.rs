@@ -16,6 +16,13 @@ pub(super) const STEPS: usize = 40;
 /// Pivots below this share of the largest belong to directions in which the orbits are a family.
 const FAMILY: f64 = 1e-9;
 
+/// By what a `modulo` coordinate is changed (rad, m) to see whether the motion depends on it, and a change that is none of rounding, of which
+/// velocities have so many times more as they are larger than 1.
+const MOVED: f64 = 0.1;
+const DEPENDS: f64 = 1e-6;
+/// Residuals are shares of x, or of this share of the start of the scene.
+const SMALL: f64 = 1e-3;
+
 /// A state with P and its derivatives there.
 #[derive(Clone)]
 pub(super) struct Look {
@@ -23,7 +30,8 @@ pub(super) struct Look {
     pub found: Differentiated,
     /// P(x) − x; zero for `modulo` coordinates.
     pub r: DVector<f64>,
-    /// Its largest component, velocities times the period, as a share of the size of x.
+    /// Its largest component, velocities times the period, and the same as a share of the size of x.
+    pub most: f64,
     pub size: f64,
 }
 
@@ -38,16 +46,55 @@ impl Problem {
         Ok(self.orbit(look, iterations, &plan))
     }
 
+    /// [`Self::check_modulo`] at the start of the scene, of tables that no orbit begins.
+    pub(super) fn check_modulo_at_start(&self) -> Result<(), OrbitError> {
+        if self.modulo.is_empty() {
+            return Ok(());
+        }
+        self.check_modulo(&self.plan(self.vary.as_ref().map(|vary| vary.from))?, &self.start())
+    }
+
+    /// Compares a period with those from starts whose `modulo` coordinates are others.
+    ///
+    /// # Errors
+    /// [`OrbitError::File`]: the motion depends on one of them, so that its return is not that of the motion.
+    pub(super) fn check_modulo(&self, plan: &Timed, start: &State) -> Result<(), OrbitError> {
+        let chain = &plan.simulation.chain;
+        let names = plan.simulation.state_names();
+        for &k in &self.modulo {
+            let mut by = vec![0.0; chain.nv()];
+            by[k] = MOVED;
+            let q = chain.integrate(&start.q, &by, 1.0).map_err(SimError::from)?;
+            let moved = State { q, qd: start.qd.clone() };
+            // A start that is not admissible is told by the run itself.
+            let (Ok(own), Ok(other)) = (self.period(plan, start), self.period(plan, &moved)) else { continue };
+            let mut change = vec![("the period".to_owned(), (other.time - own.time) / own.time)];
+            let moved = difference(chain, &own.end, &other.end)?;
+            let size = own.end.qd.iter().fold(1.0, |most: f64, v| most.max(v.abs()));
+            change.extend(self.unknown(moved.len()).into_iter().map(|row| (names[row].clone(), moved[row] / size)));
+            if let Some((what, by)) = change.into_iter().find(|(_, by)| by.abs() > DEPENDS) {
+                let name = names[k].strip_prefix("q ").unwrap_or(&names[k]);
+                return Err(self.refusal(format!(
+                    "[orbit] modulo: the motion depends on {name}, so that it must return: from {name} + {MOVED} {what} changes by a share of \
+                     {by:.1e} in a period; leave {name} out of modulo, and if it turns on, subtract the turn by relabel, as {name} = \"{name}-2*PI\""
+                )));
+            }
+        }
+        Ok(())
+    }
+
     /// The orbit near the start of the scene, at the first value of the parameter.
     pub(super) fn first(&self, plan: &Timed) -> Result<(Look, usize), OrbitError> {
         let mut start = State { q: plan.q.clone(), qd: plan.qd.clone() };
         for _ in 0..self.before {
             start = self.period(plan, &start)?.end;
         }
-        match &self.vary {
+        let found = match &self.vary {
             Some(vary) => self.find_at_end(plan, start, vary.from),
             None => self.find_from(plan, start, None),
-        }
+        }?;
+        self.check_modulo(plan, &found.0.x)?;
+        Ok(found)
     }
 
     /// Finds the orbit at an end of the range of the parameter; without the derivative by it where values beyond it are inadmissible, as of a
@@ -73,7 +120,8 @@ impl Problem {
             while share > 1e-3 {
                 let tried = self.moved(plan, &here, &(&step * share)).and_then(|x| self.look(plan, x, parameter));
                 match tried {
-                    Ok(there) if there.size < here.size => {
+                    // As a share alone it decreases where x runs away.
+                    Ok(there) if there.size < here.size && there.most <= here.most => {
                         next = Some(there);
                         break;
                     }
@@ -97,7 +145,15 @@ impl Problem {
                 return Ok((here, iteration + 1));
             }
             if ended && share <= 1e-3 {
-                return Err(refused.unwrap_or(OrbitError::NotConverged { iterations: iteration, residual: here.size }));
+                let residual = here.size;
+                return Err(match refused {
+                    None => OrbitError::NotConverged { iterations: iteration, residual },
+                    // Not the start of the scene.
+                    Some(why @ OrbitError::Run(SimError::Overlap { .. })) => {
+                        OrbitError::LeadsInside { iterations: iteration, residual, why: Box::new(why) }
+                    }
+                    Some(why) => why,
+                });
             }
         }
         Err(OrbitError::NotConverged { iterations: STEPS, residual: here.size })
@@ -117,9 +173,12 @@ impl Problem {
         let weight = |k: usize| if k < nv { 1.0 } else { time };
         let numbers = x.q.iter().copied().chain(x.qd.iter().map(|v| time * v));
         let scale = numbers.fold(0.0, |most: f64, number| most.max(number.abs()));
+        // Near zero a share of x itself has no digits.
+        let first = plan.q.iter().copied().chain(plan.qd.iter().map(|v| time * v));
+        let scale = first.fold(scale, |most: f64, number| most.max(SMALL * number.abs()));
         let most = (0..r.len()).map(|k| (r[k] * weight(k)).abs()).fold(0.0, f64::max);
         let size = if most == 0.0 { 0.0 } else { most / scale };
-        Ok(Look { x, found, r, size })
+        Ok(Look { x, found, r, most, size })
     }
 
     /// The numbers of a change of a state that must return.
@@ -127,12 +186,17 @@ impl Problem {
         (0..numbers).filter(|k| !self.modulo.contains(k)).collect()
     }
 
+    /// DP without the rows and columns of `modulo` coordinates.
+    pub(super) fn returning(&self, map: &DMatrix<f64>) -> DMatrix<f64> {
+        let unknown = self.unknown(map.nrows());
+        map.select_rows(&unknown).select_columns(&unknown)
+    }
+
     /// δ.
     fn step(&self, here: &Look) -> DVector<f64> {
         let n = here.r.len();
         let unknown = self.unknown(n);
-        let map = here.found.by_state.select_rows(&unknown).select_columns(&unknown);
-        let matrix = DMatrix::identity(unknown.len(), unknown.len()) - map;
+        let matrix = DMatrix::identity(unknown.len(), unknown.len()) - self.returning(&here.found.by_state);
         let solved = least_norm(&matrix, &here.r.select_rows(&unknown), FAMILY);
         let mut step = DVector::zeros(n);
         unknown.iter().zip(solved.iter()).for_each(|(k, x)| step[*k] = *x);
@@ -171,9 +235,7 @@ impl Problem {
 
     /// The eigenvalues of DP without `modulo` coordinates, by decreasing absolute value.
     pub(super) fn multipliers(&self, map: &DMatrix<f64>) -> Vec<Complex<f64>> {
-        let unknown = self.unknown(map.nrows());
-        let own = map.select_rows(&unknown).select_columns(&unknown);
-        let mut found: Vec<Complex<f64>> = own.complex_eigenvalues().iter().copied().collect();
+        let mut found: Vec<Complex<f64>> = self.returning(map).complex_eigenvalues().iter().copied().collect();
         found.sort_by(|a, b| b.norm().total_cmp(&a.norm()).then(b.im.total_cmp(&a.im)));
         found
     }

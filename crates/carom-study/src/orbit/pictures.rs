@@ -71,7 +71,7 @@ impl Branch {
                 }
             }
             if !pieces.is_empty() {
-                shapes.push(Shape { name: name.into(), colour, stroke, pieces });
+                shapes.push(Shape::new(name, colour, stroke, pieces));
             }
         }
         let all = || branches.iter().flat_map(|(_, rows)| rows);
@@ -82,7 +82,7 @@ impl Branch {
         for kind in kinds {
             let lines = branches.iter().flat_map(|(branch, _)| &branch.special).filter(|it| it.kind == kind);
             let pieces = lines.map(|it| vec![[it.parameter, window[1][0]], [it.parameter, window[1][1]]]).collect();
-            shapes.push(Shape { name: kind.into(), colour: GREY, stroke: Stroke::Thin, pieces });
+            shapes.push(Shape::new(kind, GREY, Stroke::Thin, pieces));
         }
         let alone = |(branch, rows): &(&Self, Vec<[f64; 2]>)| {
             let (at, stable) = (rows[0], branch.points[0].orbit.stability == Stability::Stable);
@@ -103,12 +103,7 @@ impl Branch {
     /// the ends of the branch are marked.
     pub fn multipliers(&self) -> Diagram<2> {
         let circle = (0..=SAMPLES).map(|k| TAU * k as f64 / SAMPLES as f64).map(|angle| [angle.cos(), angle.sin()]);
-        let mut shapes = vec![Shape {
-            name: "unit circle".into(),
-            colour: GREY,
-            stroke: Stroke::Thin,
-            pieces: vec![circle.collect()],
-        }];
+        let mut shapes = vec![Shape::new("unit circle", GREY, Stroke::Thin, vec![circle.collect()])];
         let of =
             |point: &super::Point| -> Vec<[f64; 2]> { point.orbit.lasting().iter().map(|x| [x.re, x.im]).collect() };
         let all: Vec<[f64; 2]> = self.points.iter().flat_map(of).chain([[1.0, 1.0], [-1.0, -1.0]]).collect();
@@ -120,7 +115,7 @@ impl Branch {
             let pieces: Vec<Vec<[f64; 2]>> =
                 points.flat_map(of).map(|[x, y]| vec![[x - half, y], [x + half, y]]).collect();
             if !pieces.is_empty() {
-                shapes.push(Shape { name: name.into(), colour, stroke: Stroke::Thick, pieces });
+                shapes.push(Shape::new(name, colour, Stroke::Thick, pieces));
             }
         }
         let marked = |point: Option<&super::Point>, name: &str, symbol: Symbol| -> Vec<Mark<2>> {
@@ -144,11 +139,6 @@ impl Branch {
 }
 
 impl Problem {
-    /// The columns of the motion of an orbit: time, q and qd.
-    pub fn motion_columns(&self) -> Vec<Column> {
-        state_columns(&self.scene.simulation.chain)
-    }
-
     /// Position and velocity of the first coordinate of one number that must return, as columns of a picture.
     pub fn usual_portrait(&self) -> Option<[String; 2]> {
         let chain = &self.scene.simulation.chain;
@@ -160,9 +150,9 @@ impl Problem {
     /// Draws one column of the motion of one period over another; where velocities jump, a thin line leads from before to after.
     ///
     /// # Errors
-    /// [`OrbitError::File`] for a name that is no column of [`Problem::motion_columns`]; [`OrbitError`] of the run.
+    /// [`OrbitError::File`] for a name that is no column of the motion: time, q and qd; [`OrbitError`] of the run.
     pub fn portrait(&self, orbit: &Orbit, show: [&str; 2]) -> Result<Diagram<2>, OrbitError> {
-        let columns = self.motion_columns();
+        let columns = state_columns(&self.scene.simulation.chain);
         let mut at = [0; 2];
         for (own, name) in at.iter_mut().zip(show) {
             let refuse =
@@ -191,17 +181,12 @@ impl Problem {
         })?;
         let all = || motion.iter().chain(&jumps).flatten();
         let window = [0, 1].map(|k| range(all().map(|at| at[k])));
-        let start = orbit.start.clone();
-        let marks = vec![Mark {
-            name: "start".into(),
-            colour: GREY,
-            symbol: Symbol::Start,
-            at: point(0.0, &start.q, &start.qd),
-        }];
+        let at_start = point(0.0, &orbit.start.q, &orbit.start.qd);
+        let marks = vec![Mark { name: "start".into(), colour: GREY, symbol: Symbol::Start, at: at_start }];
         motion.retain(|piece| piece.len() > 1);
-        let mut shapes = vec![Shape { name: "motion".into(), colour: BLUE, stroke: Stroke::Thick, pieces: motion }];
+        let mut shapes = vec![Shape::new("motion", BLUE, Stroke::Thick, motion)];
         if !jumps.is_empty() {
-            shapes.push(Shape { name: "impact".into(), colour: RED, stroke: Stroke::Thin, pieces: jumps });
+            shapes.push(Shape::new("impact", RED, Stroke::Thin, jumps));
         }
         let axes = at.map(|k| label(&columns[k]));
         Ok(Diagram { title: "One period".into(), axes, window, equal_scales: false, shapes, marks })
@@ -237,7 +222,7 @@ impl Cycles<'_> {
             axes: [name, label(column)],
             window,
             equal_scales: false,
-            shapes: vec![Shape { name: "states".into(), colour: BLUE, stroke: Stroke::Thick, pieces }],
+            shapes: vec![Shape::new("states", BLUE, Stroke::Thick, pieces)],
             marks: Vec::new(),
         }
     }

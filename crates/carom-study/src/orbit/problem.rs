@@ -1,82 +1,13 @@
-//! Reads a problem file: the scene, the section, and what is asked. The book documents the keys: `book/src/task-orbits.md`.
+//! A problem of orbits: its scene at values of the parameter and at places of a grid.
 
 use super::{Orbit, OrbitError, State};
 use crate::map_study::Axis;
 use crate::numbered::checksums;
-use crate::problem_file::{self, Formulas, evaluated, formulas};
-use carom_chain::Chain;
-use carom_sim::{LinearFunction, Oscillation, Parameter, Plan, Scene, Simulation, SurfaceMotion, Touch};
+use crate::problem_file::{Formulas, evaluated};
+use carom_sim::{LinearFunction, Oscillation, Parameter, Plan, Scene, Simulation, SurfaceMotion};
 use exmex::prelude::*;
-use serde::Deserialize;
-use std::collections::BTreeMap;
 use std::f64::consts::TAU;
-use std::path::{Path, PathBuf};
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct File {
-    scene: PathBuf,
-    #[serde(default)]
-    with: toml::Table,
-    section: SectionKeys,
-    #[serde(default)]
-    orbit: OrbitKeys,
-    vary: Option<VaryKeys>,
-    basin: Option<BasinKeys>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SectionKeys {
-    contact: Option<String>,
-    rising: Option<String>,
-    falling: Option<String>,
-    period: Option<f64>,
-}
-
-#[derive(Deserialize, Default)]
-#[serde(deny_unknown_fields)]
-struct OrbitKeys {
-    passages: Option<usize>,
-    before: Option<usize>,
-    #[serde(default)]
-    modulo: Vec<String>,
-    #[serde(default)]
-    relabel: BTreeMap<String, String>,
-    tolerance: Option<f64>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct VaryKeys {
-    parameter: String,
-    from: f64,
-    to: f64,
-    #[serde(default)]
-    set: BTreeMap<String, String>,
-    points: Option<usize>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BasinKeys {
-    x: AxisKeys,
-    y: AxisKeys,
-    #[serde(default)]
-    set: BTreeMap<String, String>,
-    cycles: Option<usize>,
-    periods: Option<usize>,
-    tolerance: Option<f64>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct AxisKeys {
-    what: String,
-    from: f64,
-    to: f64,
-    points: u64,
-}
+use std::path::PathBuf;
 
 /// A periodic orbit that is looked for: a scene, a section, a relabelling.
 ///
@@ -144,9 +75,9 @@ pub(super) struct Vary {
     pub to: f64,
     pub points: usize,
     /// The keys that follow it.
-    set: Formulas,
+    pub set: Formulas,
     /// The period of the section, if it follows it.
-    period: Option<FlatEx<f64>>,
+    pub period: Option<FlatEx<f64>>,
 }
 
 /// A simulation with its start, and how long a passage may take.
@@ -178,7 +109,7 @@ pub(super) struct ByParameter {
 pub(super) struct Grid {
     /// The axes; the first varies fastest.
     pub axes: [GridAxis; 2],
-    set: Formulas,
+    pub set: Formulas,
     /// Greatest number of cycles.
     pub cycles: usize,
     /// Greatest number of cycles of one period of an attractor.
@@ -191,12 +122,12 @@ pub(super) struct Grid {
 #[derive(Debug, Clone)]
 pub(super) struct GridAxis {
     pub axis: Axis,
-    means: Means,
+    pub means: Means,
 }
 
 /// What the number of an axis is.
 #[derive(Debug, Clone, PartialEq)]
-enum Means {
+pub(super) enum Means {
     /// The number with this index in (q, qd) of the start.
     State(usize),
     /// The parameter of `vary`.
@@ -208,96 +139,6 @@ enum Means {
 }
 
 impl Problem {
-    /// Reads a problem file and its scene.
-    ///
-    /// # Errors
-    /// [`OrbitError::File`] with key, value and rule; [`OrbitError::Run`] for an invalid scene.
-    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, OrbitError> {
-        let path = path.as_ref();
-        let name = path.display().to_string();
-        let text = problem_file::text(path).map_err(|rule| OrbitError::File { file: name.clone(), rule })?;
-        let mut problem = Self::read(&text, name, path.parent().unwrap_or(Path::new(".")))?;
-        problem.files.insert(0, path.to_owned());
-        Ok(problem)
-    }
-
-    /// Reads a problem from the text of a problem file. File names in it are relative to `folder`.
-    ///
-    /// # Errors
-    /// As [`Problem::from_file`]; the file of the messages is `<problem>`.
-    pub fn from_toml(text: &str, folder: impl AsRef<Path>) -> Result<Self, OrbitError> {
-        Self::read(text, "<problem>".into(), folder.as_ref())
-    }
-
-    fn read(text: &str, name: String, folder: &Path) -> Result<Self, OrbitError> {
-        let refuse = |rule: String| OrbitError::File { file: name.clone(), rule };
-        let file: File = carom_sim::from_toml(text).map_err(refuse)?;
-        let scene = problem_file::scene(folder, &file.scene, &file.with)?;
-        let plan = scene.plan()?;
-        if plan.simulation.stepping {
-            return Err(refuse("scene: its [run] has method = \"steps\", and orbits need events: remove it".into()));
-        }
-        let chain = &plan.simulation.chain;
-        let section = section(&file.section, &plan).map_err(|why| refuse(format!("[section] {why}")))?;
-        if plan.simulation.depends_on_time() && !matches!(section, Section::After(_)) {
-            let why = "a drive, a force or a surface of the scene depends on time: give its period as period, so that all periods are alike";
-            return Err(refuse(format!("[section] {why}")));
-        }
-        let OrbitKeys { passages, before, modulo, relabel, tolerance } = &file.orbit;
-        let of_orbit = |why: String| refuse(format!("[orbit] {why}"));
-        let names = plan.simulation.state_names();
-        let modulo = modulo.iter().map(|name| {
-            let known = names.iter().take(chain.nv()).position(|own| own.strip_prefix("q ") == Some(name));
-            known.ok_or_else(|| {
-                let all: Vec<&str> = names.iter().filter_map(|own| own.strip_prefix("q ")).collect();
-                of_orbit(format!("modulo has '{name}', which is no coordinate: there are {}", all.join(", ")))
-            })
-        });
-        let modulo = modulo.collect::<Result<Vec<_>, _>>()?;
-        let relabel = relabel.iter().map(|(joint, formula)| {
-            relabelled(chain, joint, formula).map_err(|why| of_orbit(format!("relabel.{joint} = {why}")))
-        });
-        let relabel = relabel.collect::<Result<Vec<_>, _>>()?;
-        let at_least_one = |key: &str, given: Option<usize>, usual: usize| match given.unwrap_or(usual) {
-            0 => Err(of_orbit(format!("{key} = 0: it must be 1 or more"))),
-            count => Ok(count),
-        };
-        let tolerance = tolerance.unwrap_or(1e-12);
-        if !(f64::EPSILON..1.0).contains(&tolerance) {
-            return Err(of_orbit(format!("tolerance = {tolerance}: it must be from 2.3e-16 to below 1")));
-        }
-        let vary = file.vary.as_ref().map(|keys| vary(keys, &section).map_err(|why| refuse(format!("[vary] {why}"))));
-        let problem = Self {
-            files: scene.files.clone(),
-            warnings: scene.warnings.clone(),
-            section,
-            phase: 0.0,
-            modulo,
-            relabel,
-            passages: at_least_one("passages", *passages, 1)?,
-            before: before.unwrap_or(1),
-            tolerance,
-            vary: vary.transpose()?,
-            basin: None,
-            text: text.to_owned(),
-            name: name.clone(),
-            scene,
-        };
-        let grid = file.basin.as_ref().map(|keys| problem.grid(keys).map_err(|why| refuse(format!("[basin] {why}"))));
-        let problem = Self { basin: grid.transpose()?, ..problem };
-        if let Some(grid) = &problem.basin {
-            // As below.
-            problem.plan_in(grid, [0, 1].map(|k| grid.axes[k].axis.value(0)))?;
-            problem.check_axes(grid)?;
-        }
-        if let Some(vary) = &problem.vary {
-            // A key that leads nowhere, or a value that the scene refuses, is told now.
-            problem.plan(Some(vary.from))?;
-            problem.plan(Some(vary.to))?;
-        }
-        Ok(problem)
-    }
-
     /// An error of the problem file.
     pub(super) fn refusal(&self, rule: impl Into<String>) -> OrbitError {
         OrbitError::File { file: self.name.clone(), rule: rule.into() }
@@ -350,7 +191,7 @@ impl Problem {
 
     /// # Errors
     /// [`OrbitError::File`] if one axis of a basin sets a number of the start that the other changes by keys of the scene.
-    fn check_axes(&self, grid: &Grid) -> Result<(), OrbitError> {
+    pub(super) fn check_axes(&self, grid: &Grid) -> Result<(), OrbitError> {
         let ends = |k: usize| [0, grid.axes[k].axis.count() - 1].map(|row| grid.axes[k].axis.value(row));
         for (own, other) in [(0, 1), (1, 0)] {
             let means = |k: usize| &grid.axes[k].means;
@@ -386,21 +227,34 @@ impl Problem {
             let rule = "it must be positive and finite over the whole range";
             return Err(self.refusal(format!("[vary] set.\"section.period\" is {longest}: {rule}")));
         }
-        self.check_phases(scene, longest)?;
+        self.check_surfaces(scene, longest)?;
         plan.simulation.start_time += self.phase * longest;
         Ok(Timed { plan, longest })
     }
 
     /// # Errors
-    /// [`OrbitError::File`] if a surface that oscillates has another phase after the period of a section than before it: no motion returns.
-    fn check_phases(&self, scene: &Scene, period: f64) -> Result<(), OrbitError> {
+    /// [`OrbitError::File`] if a surface has another phase or place after the period of a section than before it: no motion returns.
+    fn check_surfaces(&self, scene: &Scene, period: f64) -> Result<(), OrbitError> {
         /// A period that is given with six digits is meant as the exact one.
         const DIGITS: f64 = 1e-6;
+        /// A surface this near, m, has returned: tables of velocities have rounded numbers.
+        const RETURNED: f64 = 1e-9;
         // A relabelled state may belong to the mirrored motion, half a period later.
         if !matches!(self.section, Section::After(_)) || !self.relabel.is_empty() {
             return Ok(());
         }
         for surface in &scene.surfaces {
+            if let Some(SurfaceMotion::Translation(velocity)) = &surface.motion {
+                let start = self.scene.simulation.start_time + self.phase * period;
+                let [from, to] = [start, start + period].map(|time| velocity.integral(time));
+                let moved = from.iter().zip(to).fold(0.0, |most: f64, (from, to)| most.max((to - from).abs()));
+                if moved > RETURNED {
+                    return Err(self.refusal(format!(
+                        "[section] period = {period}: surface {} is {moved:.3e} m away after it, and no motion returns. Give it a motion that returns",
+                        surface.name
+                    )));
+                }
+            }
             let Some(SurfaceMotion::Oscillation(Oscillation { amplitude, frequency, .. })) = &surface.motion else {
                 continue;
             };
@@ -479,121 +333,5 @@ impl Grid {
                 _ => {}
             }
         }
-    }
-}
-
-fn section(keys: &SectionKeys, plan: &Plan) -> Result<Section, String> {
-    let SectionKeys { contact, rising, falling, period } = keys;
-    let given = [contact.is_some(), rising.is_some(), falling.is_some(), period.is_some()];
-    if given.iter().filter(|given| **given).count() != 1 {
-        return Err(
-            "needs one of contact (an impact), rising or falling (a function that passes zero), period (a time)".into(),
-        );
-    }
-    if let Some(name) = contact {
-        let found = Touch::named(&plan.simulation.touches, name)?;
-        return Ok(Section::Contact { name: name.clone(), touches: found });
-    }
-    if let Some(period) = period {
-        if !(*period > 0.0 && period.is_finite()) {
-            return Err(format!("period = {period}: it must be positive and finite"));
-        }
-        return Ok(Section::After(*period));
-    }
-    let (key, formula, sign) = match (rising, falling) {
-        (Some(formula), _) => ("rising", formula, 1.0),
-        (_, Some(formula)) => ("falling", formula, -1.0),
-        _ => return Err("is empty".into()),
-    };
-    let mut function = LinearFunction::of(formula, &plan.simulation.chain).map_err(|why| format!("{key} = {why}"))?;
-    function.constant *= sign;
-    function.terms.iter_mut().for_each(|(_, c)| *c *= sign);
-    Ok(Section::Rising { formula: format!("{key} {formula}"), function })
-}
-
-fn relabelled(chain: &Chain, joint: &str, formula: &str) -> Result<Relabelled, String> {
-    let of_one =
-        |joint: &str| chain.joints().iter().find(|own| own.name == joint).and_then(|own| chain.coordinate_of(own));
-    let Some(own) = of_one(joint) else {
-        return Err(format!("\"{formula}\": '{joint}' is no joint with one coordinate"));
-    };
-    let to = LinearFunction::of(formula, chain)?;
-    let v_of = |q: usize| {
-        chain.joints().iter().find_map(|joint| chain.coordinate_of(joint).filter(|at| at.q == q)).map(|at| at.v)
-    };
-    let rates = to.terms.iter().map(|(k, c)| Some((v_of(*k).filter(|_| *k < chain.nq())?, *c)));
-    let rates = rates.collect::<Option<Vec<_>>>();
-    let rates = rates.ok_or_else(|| format!("\"{formula}\" must be a function of joints with one coordinate"))?;
-    Ok(Relabelled { q: own.q, v: own.v, to, rates })
-}
-
-fn vary(keys: &VaryKeys, section: &Section) -> Result<Vary, String> {
-    let VaryKeys { parameter, from, to, set, points } = keys;
-    if !(from.is_finite() && to.is_finite() && from != to) {
-        return Err(format!("from = {from}, to = {to}: they must be finite and different"));
-    }
-    let points = points.unwrap_or(200);
-    if points < 2 {
-        return Err(format!("points = {points}: it must be 2 or more"));
-    }
-    let mut set = formulas(set, &[parameter])?;
-    let period = set.iter().position(|(key, _)| key == "section.period").map(|k| set.remove(k).1);
-    if period.is_some() && !matches!(section, Section::After(_)) {
-        return Err("set.\"section.period\": the section is no period: remove it, or give [section] period".into());
-    }
-    Ok(Vary { name: parameter.clone(), from: *from, to: *to, points, set, period })
-}
-
-impl Problem {
-    fn grid(&self, keys: &BasinKeys) -> Result<Grid, String> {
-        let BasinKeys { x, y, set, cycles, periods, tolerance } = keys;
-        let axes = [self.axis("x", x, set)?, self.axis("y", y, set)?];
-        let names = [x.what.as_str(), y.what.as_str()];
-        if names[0] == names[1] {
-            return Err(format!("x.what and y.what are both \"{}\": give two", names[0]));
-        }
-        let at_least_one = |key: &str, given: Option<usize>, usual: usize| match given.unwrap_or(usual) {
-            0 => Err(format!("{key} = 0: it must be 1 or more")),
-            count => Ok(count),
-        };
-        let tolerance = tolerance.unwrap_or(1e-3);
-        if !(tolerance > 0.0 && tolerance.is_finite()) {
-            return Err(format!("tolerance = {tolerance}: it must be positive and finite"));
-        }
-        let (cycles, periods) = (at_least_one("cycles", *cycles, 200)?, at_least_one("periods", *periods, 8)?);
-        Ok(Grid { axes, set: formulas(set, &names)?, cycles, periods, tolerance })
-    }
-
-    fn axis(&self, name: &str, keys: &AxisKeys, set: &BTreeMap<String, String>) -> Result<GridAxis, String> {
-        let AxisKeys { what, from, to, points } = keys;
-        let refuse = |why: String| format!("{name}.{why}");
-        let chain = &self.scene.simulation.chain;
-        // A variable in braces is one name, whatever its characters.
-        let of_state = LinearFunction::of(&format!("{{{what}}}"), chain).ok().and_then(|it| it.terms.first().copied());
-        let is_variable = |formula: &String| {
-            FlatEx::<f64>::parse(formula).is_ok_and(|it| it.var_names().iter().any(|variable| variable == what))
-        };
-        let is_parameter = self.vary.as_ref().is_some_and(|vary| vary.name == *what);
-        let (means, unit) = match of_state {
-            _ if set.values().any(is_variable) => (Means::Variable, ""),
-            Some(_) if is_parameter => {
-                return Err(refuse(format!(
-                    "what = \"{what}\": it is the parameter of [vary] and a variable of the state: rename the parameter"
-                )));
-            }
-            Some((index, _)) => (Means::State(index), self.state_columns().get(index).map_or("", |column| column.unit)),
-            None if is_parameter => (Means::Parameter, ""),
-            None if what.contains(['.', '[']) => (Means::Key, ""),
-            None => {
-                let refused = LinearFunction::of(&format!("{{{what}}}"), chain).err().unwrap_or_default();
-                let known = refused.split_once("': there are ").map_or("", |(_, known)| known);
-                return Err(refuse(format!(
-                    "what = \"{what}\": it is no variable of the state ({known}), not the parameter of [vary], no variable of \
-                     basin.set, and no path of a key of the scene, as contact.restitution"
-                )));
-            }
-        };
-        let axis = Axis::range(what.clone(), unit, [*from, *to], *points).map_err(refuse)?;
-        Ok(GridAxis { axis, means })
     }
 }

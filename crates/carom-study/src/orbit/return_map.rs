@@ -28,16 +28,7 @@ use nalgebra::{DMatrix, DVector};
 /// The rate at the start is that after this share of the passage.
 const AT_ONCE: f64 = 1e-12;
 
-/// One passage from a state on the section to the next.
-pub(super) struct Passage {
-    pub end: State,
-    pub time: f64,
-    pub events: Vec<Happened>,
-    /// Number of events.
-    count: usize,
-}
-
-/// A period: its passages together.
+/// A passage from a state on the section to the next, or a period: its passages together.
 #[derive(Clone)]
 pub(super) struct Period {
     pub end: State,
@@ -81,7 +72,7 @@ impl Problem {
         &self,
         plan: &Timed,
         start: &State,
-        mut each: impl FnMut(&State, &Passage) -> Result<(), OrbitError>,
+        mut each: impl FnMut(&State, &Period) -> Result<(), OrbitError>,
     ) -> Result<Period, OrbitError> {
         let mut period = Period { end: start.clone(), time: 0.0, events: Vec::new() };
         for _ in 0..self.passages {
@@ -109,13 +100,13 @@ impl Problem {
         Plan { q: start.q.clone(), qd: start.qd.clone(), ..plan.clone() }.start()
     }
 
-    fn passage(&self, plan: &Timed, start: &State) -> Result<Passage, OrbitError> {
+    fn passage(&self, plan: &Timed, start: &State) -> Result<Period, OrbitError> {
         let mut session = self.session(plan, start)?;
         let (longest, from) = (plan.longest, session.time());
-        let (mut events, mut count) = (Vec::new(), 0);
+        let mut events = Vec::new();
         let mut seen = Crossing::new(&self.section, start.q.len());
         let ends = |event: &Event| match &self.section {
-            Section::Contact { touches, .. } => event.kind.struck().iter().any(|touch| touches.contains(touch)),
+            Section::Contact { touches, .. } => event.struck().any(|touch| touches.contains(&touch)),
             _ => false,
         };
         loop {
@@ -154,20 +145,19 @@ impl Problem {
                     session.advance(time - before)?;
                     time -= seen.value(&session.moment()) / seen.rate;
                 }
-                return self.end_of(&session, from, events, count);
+                return self.end_of(&session, from, events);
             }
-            count += own.len();
             events.extend(own);
             if ended {
-                return self.end_of(&session, from, events, count);
+                return self.end_of(&session, from, events);
             }
             if stopped == StopReason::Events {
-                let seen = format!("after {count} events, max_events of the scene, the run ended");
+                let seen = format!("after {} events, max_events of the scene, the run ended", events.len());
                 return Err(OrbitError::NoReturn { section: self.section.name(), longest, seen });
             }
         }
         if matches!(self.section, Section::After(_)) {
-            return self.end_of(&session, from, events, count);
+            return self.end_of(&session, from, events);
         }
         let names: Vec<&str> = events.iter().take(5).map(|event| event.what.as_str()).collect();
         let seen =
@@ -175,7 +165,7 @@ impl Problem {
         Err(OrbitError::NoReturn { section: self.section.name(), longest, seen })
     }
 
-    fn end_of(&self, session: &Session, from: f64, events: Vec<Happened>, count: usize) -> Result<Passage, OrbitError> {
+    fn end_of(&self, session: &Session, from: f64, events: Vec<Happened>) -> Result<Period, OrbitError> {
         let touches = &session.simulation().touches;
         if touches.iter().any(|touch| touch.contact.compliance.is_some()) {
             let presses = |touch: &usize| touches[*touch].contact.compliance.is_some();
@@ -185,7 +175,7 @@ impl Problem {
             }
         }
         let Moment { time, q, qd } = session.moment();
-        Ok(Passage { end: State { q, qd }, time: time - from, events, count })
+        Ok(Period { end: State { q, qd }, time: time - from, events })
     }
 
     /// DP of one passage, and ∂P/∂p.
@@ -193,7 +183,7 @@ impl Problem {
         &self,
         plan: &Timed,
         start: &State,
-        passage: &Passage,
+        passage: &Period,
         parameter: Option<&ByParameter>,
     ) -> Result<(DMatrix<f64>, DVector<f64>), OrbitError> {
         let n = 2 * plan.simulation.chain.nv();
@@ -201,7 +191,7 @@ impl Problem {
         // A run that ends with the event of the section, or at the time.
         let duration = match self.section {
             Section::Contact { .. } => {
-                plan.simulation.max_events = passage.count;
+                plan.simulation.max_events = passage.events.len();
                 2.0 * passage.time
             }
             _ => passage.time,
@@ -325,7 +315,8 @@ impl<'s> Crossing<'s> {
         // The polynomial of a segment has fewer extremes than nodes.
         let times = (0..=2 * count).map(|k| segment.start + span * k as f64 / (2 * count) as f64);
         let seen: Vec<(f64, f64)> = times.map(|time| (time, self.at(&segment.at(time)))).collect();
-        let rounding = ROUNDING * self.size(&segment.states[0]);
+        // On the section itself all terms of the function may be zero.
+        let rounding = ROUNDING * segment.states.iter().map(|state| self.size(state)).fold(0.0, f64::max);
         let mut last = segment.start;
         for (time, value) in seen {
             if self.below && value >= 0.0 && time == segment.start {
@@ -378,6 +369,8 @@ impl Problem {
     /// # Errors
     /// [`OrbitError`] of the scene; the items are those of the runs.
     pub fn cycle(&self, parameter: f64, start: State) -> Result<Cycle<'_>, OrbitError> {
-        Ok(Cycle { problem: self, plan: self.plan(Some(parameter))?, state: start })
+        let plan = self.plan(Some(parameter))?;
+        self.check_modulo(&plan, &start)?;
+        Ok(Cycle { problem: self, plan, state: start })
     }
 }

@@ -284,20 +284,8 @@ impl Table {
         place.keep().map_err(unwritable(&path))
     }
 
-    /// Ends a table before its last row, under the name `X.partial.csv` for `X.csv`: a complete table of the rows so far.
-    /// Where they cannot be written, as on a full disk, it has the groups of rows that have reached the file. Returns the path
-    /// and the number of rows.
-    ///
-    /// # Errors
-    /// [`TableError::Unwritable`]: no row can be kept. No file is left then.
-    pub fn finish_partial(self) -> Result<(PathBuf, u64), TableError> {
-        let partial = partial(self.place.path());
-        let rows = self.leave(&partial, 0, |_, _| Ok(()))?;
-        Ok((partial, rows))
-    }
-
-    /// Ends a table before its last row under another name in the same folder, with as many groups of rows as can be written;
-    /// returns the number of rows. `beside`, called with the temporary file and this number, does what must succeed before the
+    /// Ends a table before its last row under another name in the same folder: a complete table of the rows so far. Where they cannot
+    /// be written, as on a full disk, it has the groups of rows that have reached the file; returns the number of rows. `beside`, called with the temporary file and this number, does what must succeed before the
     /// file is renamed.
     ///
     /// # Errors
@@ -324,7 +312,7 @@ impl Table {
     }
 }
 
-/// Path of the table that [`Table::finish_partial`] leaves.
+/// Path of the table of an interrupted run: `X.partial.csv` for `X.csv`.
 pub(crate) fn partial(path: &Path) -> PathBuf {
     let ending = path.extension().unwrap_or_default().to_string_lossy().into_owned();
     path.with_extension(format!("partial.{ending}"))

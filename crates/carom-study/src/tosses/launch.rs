@@ -1,9 +1,10 @@
 //! The start of a roll-out: the state at the first free sample, and the sample of the first impact.
 
+use super::roll_out::sampled;
 use super::{GRAVITY, Toss, TossError, Tosses, on_floor};
 use crate::fit::{Flight, Launched, launch};
 use carom_chain::Chain;
-use carom_sim::{ContactRule, Sampling, Seen, SimError, Simulation};
+use carom_sim::{ContactRule, SimError, Simulation};
 use rayon::prelude::*;
 
 /// How the state at the start of a roll-out is determined.
@@ -110,19 +111,9 @@ impl Launch {
         let end = flight.times[count - 1] - flight.times[0];
         let simulation =
             Simulation { gravity: GRAVITY, tolerance: REFIT, ..Simulation::new(chain.clone(), Vec::new()) };
-        let sampling = Sampling { every: Some(end / (count - 1) as f64), ..Sampling::default() };
         let flown = |q: &[f64], qd: &[f64]| {
-            let mut poses = Vec::new();
-            let mut keep = |seen: Seen<'_>| {
-                if let Seen::Moment(moment) = seen {
-                    poses.push(moment.q.clone());
-                }
-            };
-            let summary = simulation.stream(q, qd, end, sampling, &mut keep).ok()?;
-            // by rounding, the last sample may lie beyond the end
-            poses.truncate(count - 1);
-            poses.push(summary.last.q);
-            Some(poses)
+            let (moments, _) = sampled(&simulation, (q, qd), end, count).ok()?;
+            Some(moments.into_iter().map(|moment| moment.q).collect())
         };
         let Some(state) = old.state.refined(chain, &flight, &flown) else { return self.clone() };
         Self { q: state.q.clone(), qd: state.qd.clone(), fitted: Some(Fitted { state, ..old.clone() }), ..self.clone() }

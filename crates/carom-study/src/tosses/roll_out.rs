@@ -193,22 +193,30 @@ impl Launch {
             several: options.several,
             ..on_floor(scene, contact)?
         };
-        // sampled at the spacing of the measured samples
         let measured = &toss.samples[self.sample..=last];
         let end = measured[measured.len() - 1].time - measured[0].time;
-        let every = end / (measured.len() - 1).max(1) as f64;
-        let mut rolled: Vec<Moment> = Vec::new();
-        let sampling = Sampling { every: Some(every), ..Sampling::default() };
-        let summary = simulation.stream(&self.q, &self.qd, end, sampling, &mut |seen| {
-            if let Seen::Moment(moment) = seen {
-                rolled.push(moment.clone());
-            }
-        })?;
-        // by rounding, the last sample may lie beyond the end
-        rolled.truncate(measured.len() - 1);
-        rolled.push(summary.last);
-        Ok((rolled, summary.events))
+        sampled(&simulation, (&self.q, &self.qd), end, measured.len())
     }
+}
+
+/// The states of a motion at `count` samples of equal spacing from its start to its end, and the number of its events.
+pub(super) fn sampled(
+    simulation: &Simulation,
+    (q, qd): (&[f64], &[f64]),
+    end: f64,
+    count: usize,
+) -> Result<(Vec<Moment>, usize), SimError> {
+    let mut rolled: Vec<Moment> = Vec::new();
+    let sampling = Sampling { every: Some(end / (count - 1).max(1) as f64), ..Sampling::default() };
+    let summary = simulation.stream(q, qd, end, sampling, &mut |seen| {
+        if let Seen::Moment(moment) = seen {
+            rolled.push(moment.clone());
+        }
+    })?;
+    // by rounding, the last sample may lie beyond the end
+    rolled.truncate(count - 1);
+    rolled.push(summary.last);
+    Ok((rolled, summary.events))
 }
 
 impl RollOut {

@@ -1,10 +1,10 @@
 //! Simulated tosses, and what else the tests of fits and of comparisons share.
 
 use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
 use carom_impact::Coefficients;
 use carom_sim::Moment;
 use carom_study::Toss;
+use carom_testing::files::robot_with;
 use fastrand::Rng;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
@@ -25,8 +25,7 @@ pub fn close(what: &str, x: f64, expected: f64, within: f64) {
 }
 
 pub fn load(robot: &str) -> Chain {
-    let file = format!("{}/../../robots/{robot}.urdf", env!("CARGO_MANIFEST_DIR"));
-    Chain::from_urdf_file_with(file, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap()
+    robot_with(robot, true)
 }
 
 pub fn tossed(rng: &mut Rng) -> (Vec<f64>, Vec<f64>) {

@@ -28,6 +28,13 @@ fn study(robot_name: &str, poses: &str, impact: &str, quantities: &str) -> Study
     Study::from_file(study_in(folder.path(), "study", robot_name, poses, impact, quantities)).unwrap()
 }
 
+/// Why a study of a robot is refused.
+fn refused(robot_name: &str, poses: &str, impact: &str) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let file = study_in(folder.path(), "study", robot_name, poses, impact, "\"impulse\"");
+    Study::from_file(file).err().unwrap().to_string()
+}
+
 /// The text of a study file gives the rows of the file; its name in messages is `<study>`.
 #[test]
 fn a_study_from_text_is_that_of_its_file() {

@@ -1,7 +1,7 @@
 //! Poses of the rows of a map: the tip is at its target and keeps its direction.
 
 use crate::map_study::rows::{EVERYTHING, Row, compare, joints};
-use crate::map_study::{robot, study};
+use crate::map_study::{refused, robot, study};
 use carom_chain::Chain;
 use carom_impact::Coefficients;
 use carom_study::map_study::Study;
@@ -173,18 +173,140 @@ fn an_arm_in_space_keeps_the_direction_of_its_tip() {
 
 #[test]
 fn directions_of_the_tip_that_cannot_be_are_refused() {
-    let impact = "[impact]\nnormal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"newton\"\nrestitution = 0.3";
+    let impact =
+        "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"newton\"\nrestitution = 0.3";
     for (axis, direction, said) in [
         ("[0, 0, 0]", "[1, 0, 0]", "[tip] pointing.axis = [0.0, 0.0, 0.0]: it must be finite and not zero"),
         ("[1, 0, 0]", "[1, 0, inf]", "[tip] pointing.direction = [1.0, 0.0, inf]: it must be finite and not zero"),
         ("[1, 0, 0]", "[1, 0, 1]", "[tip] pointing.direction leaves the plane in which the arm moves"),
     ] {
-        let text = format!(
-            "[robot]\nurdf = \"{}\"\n[tip]\nx = 0.5\ny = 0.1\npointing = {{ axis = {axis}, direction = {direction} }}\n{impact}\n\
-             [map]\nquantities = [\"impulse\"]\n",
-            robot("planar3")
-        );
-        let refused = Study::from_toml(&text, ".").err().unwrap().to_string();
+        let poses = format!("[tip]\nx = 0.5\ny = 0.1\npointing = {{ axis = {axis}, direction = {direction} }}");
+        let refused = refused("planar3", &poses, impact);
         assert!(refused.contains(said), "{refused}");
     }
+}
+
+const INERTIAL: &str =
+    "<inertial><mass value='1'/><inertia ixx='0.02' ixy='0' ixz='0' iyy='0.02' iyz='0' izz='0.02'/></inertial>";
+
+/// A row of links with mass, each with the kind of its joint, its axis, its origin, and more of its elements.
+fn arm(joints: &[(&str, &str, &str, &str)], tip: &str) -> String {
+    let mut text = "<robot name='arm'><link name='l0'/>".to_owned();
+    for (k, (kind, axis, origin, more)) in joints.iter().enumerate() {
+        let n = k + 1;
+        text += &format!(
+            "<link name='l{n}'>{INERTIAL}</link><joint name='j{n}' type='{kind}'><parent link='l{k}'/><child link='l{n}'/>\
+             <origin xyz='{origin}'/><axis xyz='{axis}'/>{more}</joint>"
+        );
+    }
+    let last = joints.len();
+    text + &format!(
+        "<link name='tip'/><joint name='tool' type='fixed'><parent link='l{last}'/><child link='tip'/><origin xyz='{tip}'/></joint></robot>"
+    )
+}
+
+/// The study of a robot that is given as text.
+fn study_of(urdf: &str, robot: &str, poses: &str, normal: &str) -> Study {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("arm.urdf"), urdf).unwrap();
+    let text = format!(
+        "[robot]\nurdf = \"arm.urdf\"\n{robot}\n{poses}\n[impact]\nnormal = {normal}\napproach_deg = 90\nspeed = 0.2\n\
+         law = \"newton\"\nrestitution = 0.3\n[map]\nquantities = [\"position\"]\n"
+    );
+    Study::from_toml(&text, folder.path()).unwrap()
+}
+
+/// Arms whose fixed lengths are zero or nearly: what sliders add to the reach is the size of the arm.
+#[test]
+fn arms_with_sliders_reach_every_target_however_short_their_links_are() {
+    let slider = "<limit lower='0.2' upper='1' velocity='1' effort='1'/>";
+    let wide = "<limit lower='-2' upper='2' velocity='1' effort='1'/>";
+    let (turn, slide) = ("continuous", "prismatic");
+    let plane = "[tip]\nx = { from = -0.8, to = 0.81, count = 12 }\ny = { from = -0.7, to = 0.72, count = 11 }";
+    let space = "[tip]\nx = { from = -0.9, to = 0.91, count = 5 }\ny = { from = -0.87, to = 0.9, count = 5 }\nz = { from = -0.6, to = 0.7, count = 5 }";
+    let mut cases = Vec::new();
+    for tip in ["0 0 0", "1e-9 0 0", "1e-6 0 0", "0.1 0 0"] {
+        let polar = [(turn, "0 0 1", "0 0 0", ""), (slide, "1 0 0", "0 0 0", slider)];
+        cases.push((arm(&polar, tip), plane.to_owned() + "\nseeds = [[0.6, 0.6]]"));
+    }
+    let one = |kind, axis| (kind, axis, "0 0 0", if kind == slide { wide } else { "" });
+    for joints in [
+        [one(turn, "0 0 1"), one(slide, "0 0 1"), one(slide, "1 0 0")],
+        [one(turn, "0 0 1"), one(turn, "0 1 0"), one(slide, "1 0 0")],
+        [one(slide, "1 0 0"), one(slide, "0 1 0"), one(slide, "0 0 1")],
+    ] {
+        cases.push((arm(&joints, "0 0 0"), space.to_owned() + "\nseeds = [[0.6, 0.6, 0.6]]"));
+    }
+    for (urdf, poses) in cases {
+        let study = study_of(&urdf, "limits = false", &poses, "[-1, 0, 0]");
+        let mut evaluator = study.evaluator();
+        for index in 0..study.rows() {
+            let row = Row::of(&study, &mut evaluator, index);
+            assert_ne!(row.class(), "unreachable", "row {index} of {poses}");
+            let q = row.group("q", &joints(study.chain()));
+            let chain = study.chain();
+            let at = chain.workspace().update(chain, &q).unwrap().pose(chain.frame("tip").unwrap()).translation;
+            let off = ["tip.x", "tip.y", "tip.z"]
+                .iter()
+                .zip(at.iter())
+                .map(|(name, x)| row.0.get(*name).map_or(0.0, |wanted| (x - wanted).abs()));
+            assert!(off.fold(0.0, f64::max) < 1e-9, "row {index}: tip at {at:?}");
+        }
+    }
+}
+
+/// In each of the planes of the axes, with hinges of both senses: up is up in z where the plane stands, and up in y in the x-y plane,
+/// for a tip on the side of x (of y in the y-z plane).
+#[test]
+fn an_elbow_is_up_whatever_the_plane_and_the_sense_of_its_hinges() {
+    for (axis, link, along, up) in [("0 0", "0.4 0 0", 0, 1), ("0 0", "0.4 0 0", 0, 2), ("0 0", "0 0.4 0", 1, 2)] {
+        let normal_axis = 3 - along - up;
+        for sense in ["1", "-1"] {
+            let mut axes: Vec<&str> = axis.split(' ').collect();
+            axes.insert(normal_axis, sense);
+            let axes = axes.join(" ");
+            let hinges = [("continuous", axes.as_str(), "0 0 0", ""), ("continuous", axes.as_str(), link, "")];
+            let name = ["x", "y", "z"];
+            let poses = format!("[tip]\n{} = 0.6\n{} = 0.05", name[along], name[up]);
+            let normal = ["[-1, 0, 0]", "[0, -1, 0]"][along];
+            let study = study_of(&arm(&hinges, link), "", &poses, normal);
+            let (chain, mut evaluator) = (study.chain(), study.evaluator());
+            assert_eq!(study.rows(), 2);
+            for (index, side) in [(0, 1.0), (1, -1.0)] {
+                let q = Row::of(&study, &mut evaluator, index).group("q", &joints(chain));
+                let elbow = chain.workspace().update(chain, &q).unwrap().pose(chain.frame("l2").unwrap()).translation;
+                let above = elbow[up] - elbow[along] * 0.05 / 0.6;
+                assert!(side * above > 0.2, "axis {axes}, row {index}: elbow at {elbow:?}");
+            }
+        }
+    }
+}
+
+/// A joint that follows another has limits of its own: they hold for the joint that it follows, in warnings and in the search.
+#[test]
+fn limits_of_mimic_joints_hold_for_the_joint_that_they_follow() {
+    let limit = "<limit lower='-3' upper='3' velocity='1' effort='1'/>";
+    let follows = format!("{limit}<mimic joint='j2' multiplier='-2' offset='0.3'/>");
+    let hinge = |more| ("revolute", "0 0 1", "0.4 0 0", more);
+    let urdf = arm(&[hinge(limit), hinge(limit), hinge(&follows)], "0.4 0 0");
+    let given = study_of(&urdf, "", "[joints]\nj1 = 0\nj2 = [0.5, 1.7, 3.2]", "[-1, 0, 0]");
+    let said: Vec<&String> = given.warnings.iter().filter(|said| said.contains("[joints]")).collect();
+    assert_eq!(
+        said,
+        [
+            "[joints] j2 = 1.7 rad is beyond the limits of the joint and of those that mimic it, -1.35 to 1.65: such rows have no \
+          numbers; set [robot] limits = false to compute them"
+        ]
+    );
+    // The tip at j1 = 0.5, j2 = 1, sought from a seed beyond the limit of the joint that follows.
+    let tip = |angles: [f64; 3]| angles.iter().fold([0.4, 0.0], |at, a| [at[0] + 0.4 * a.cos(), at[1] + 0.4 * a.sin()]);
+    let [x, y] = tip([0.5, 1.5, -0.2]);
+    let study = study_of(&urdf, "", &format!("[tip]\nx = {x}\ny = {y}\nseeds = [[0.9, 2.2]]"), "[-1, 0, 0]");
+    let row = Row::of(&study, &mut study.evaluator(), 0);
+    assert!(
+        row.class() != "outside-limits" && (-1.35..=1.65).contains(&row.get("q.j2")),
+        "{} {:?}",
+        row.class(),
+        row.0
+    );
 }

@@ -1,6 +1,6 @@
 //! Rows of impact maps agree with single impacts, and do not depend on other rows.
 
-use crate::map_study::{robot, study};
+use crate::map_study::{refused, robot, study};
 use carom_chain::{Chain, ToolMotion};
 use carom_impact::{Coefficients, law_by_name};
 use carom_sim::{ChainImpact, Impacts, JointModel};
@@ -413,16 +413,44 @@ fn rows_with_locked_joints_are_single_impacts_with_locked_joints() {
         seen += usize::from(hit.impulse.norm() > 0.0);
     }
     assert_eq!(seen, 16);
-    let wrong = Study::from_toml(
-        &format!(
-            "robot = {{ urdf = {:?} }}\n{poses}\n[impact]\n{}\n[map]\nquantities = []\n",
-            robot("planar3"),
-            impact.replace("wrist", "hand")
-        ),
-        ".",
-    );
-    let why = wrong.err().unwrap().to_string();
+    let why = refused("planar3", poses, &impact.replace("wrist", "hand"));
     assert!(why.contains("[impact] locked holds \"hand\"") && why.contains("shoulder, elbow, wrist"), "{why}");
+}
+
+/// A locked joint needs no mass behind it; the row is the single impact.
+#[test]
+fn rows_have_massless_links_behind_locked_joints() {
+    let folder = tempfile::tempdir().unwrap();
+    let urdf = std::fs::read_to_string(robot("planar3")).unwrap();
+    let (start, end) = (urdf.rfind("<inertial>").unwrap(), urdf.rfind("</inertial>").unwrap() + "</inertial>".len());
+    let urdf = urdf[..start].to_owned() + &urdf[end..];
+    std::fs::write(folder.path().join("arm.urdf"), &urdf).unwrap();
+    let study = |keys: &str| {
+        let text = format!(
+            "[robot]\nurdf = \"arm.urdf\"\n[joints]\nshoulder = 0.4\nelbow = -1.2\nwrist = [0.3, 1.1]\n[impact]\n{keys}\n\
+             normal = [-1, 0, 0]\napproach_deg = 60\nspeed = 0.2\nlaw = \"newton\"\nrestitution = 0.5\nfriction = 0.3\n\
+             [map]\nquantities = [\"impulse\", \"qd_minus\", \"qd_plus\"]\n"
+        );
+        Study::from_toml(&text, folder.path())
+    };
+    let refused = study("").err().unwrap().to_string();
+    assert!(refused.starts_with("<study>: [robot] urdf: 'planar3' has no dynamics"), "{refused}");
+    let map = study("locked = [\"wrist\"]").unwrap();
+    let chain = Chain::from_urdf_str(&urdf, &Default::default()).unwrap();
+    let law =
+        law_by_name::<3>("newton", Coefficients { restitution: 0.5, friction: 0.3, ..Default::default() }).unwrap();
+    let (mut evaluator, names) = (map.evaluator(), joints(&chain));
+    for (index, wrist) in [(0, 0.3), (1, 1.1)] {
+        let row = Row::of(&map, &mut evaluator, index);
+        let (q, qd) = ([0.4, -1.2, wrist], row.group("qd_minus", &names));
+        let locked = JointModel::Locked(&["wrist"]);
+        let strike = chain.impact(&q, &qd).at(chain.frame("tip").unwrap()).normal([-1.0, 0.0, 0.0]).joints(locked);
+        let hit = strike.resolve(law.as_ref()).unwrap();
+        assert!(hit.impulse.norm() > 0.0 && (row.get("impulse") - hit.impulse.norm()).abs() < 1e-11, "{:?}", row.0);
+        for (ours, theirs) in row.group("qd_plus", &names).iter().zip(&hit.qd_plus) {
+            assert!((ours - theirs).abs() < 1e-10, "{ours} in the map, {theirs} single");
+        }
+    }
 }
 
 /// With `motion` the joint velocities of a row are those of the chain's tool velocity, in the plane and in space, the row is the single
@@ -488,14 +516,7 @@ fn rows_have_the_tool_motion_that_is_asked_for() {
         ] {
             let impact =
                 format!("normal = [-1, 0, 0]\napproach_deg = 90\nspeed = 1\nlaw = \"newton\"\nrestitution = 0\n{keys}");
-            let text = format!(
-                "robot = {{ urdf = {:?} }}\n{poses}\n[impact]\n{impact}\n[map]\nquantities = []\n",
-                robot(name)
-            );
-            let said = Study::from_toml(&text.replace("elbow\"]", &format!("{}\"]", names[1])), ".")
-                .err()
-                .unwrap()
-                .to_string();
+            let said = refused(name, poses, &impact.replace("elbow\"]", &format!("{}\"]", names[1])));
             assert!(said.contains(why), "{said}");
         }
     }

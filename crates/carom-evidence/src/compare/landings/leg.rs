@@ -86,19 +86,11 @@ fn hang(
     let (name, child) = (of_side(name, side), robot.links.len());
     let inertia_at_com = Matrix3::from_diagonal(&moments.into());
     let inertial = Some(Inertial { mass, com: Vector3::x() * centre, inertia_at_com });
-    robot.links.push(Link { name: name.clone(), inertial, collisions: Vec::new(), visuals: Vec::new() });
+    robot.links.push(Link { inertial, ..Link::new(&name) });
     robot.joints.push(Joint {
-        name,
-        kind: JointType::Continuous,
-        parent,
-        child,
         origin: Isometry3::translation(place.x, place.y, place.z),
         axis: nalgebra::Unit::new_normalize(axis),
-        limits: Limits::default(),
-        damping: 0.0,
-        friction: 0.0,
-        rotor_inertia: 0.0,
-        mimic: None,
+        ..Joint::new(name, JointType::Continuous, parent, child)
     });
     child
 }
