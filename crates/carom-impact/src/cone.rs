@@ -57,7 +57,7 @@ impl<T: RealField + Copy> Cone<T> {
     }
 
     /// The impulse for `c_n < 0`, where c is a sum of terms of the given size (m/s). `None` if none is found.
-    pub fn solve(&self, mu: T, c_t: &Vector2<T>, c_n: T, size: T) -> Option<Touch<T>> {
+    pub fn solve(&self, mu: T, c_t: &Vector2<T>, c_n: T, size: impl FnOnce() -> T) -> Option<Touch<T>> {
         let smooth = -c_n / self.normal;
         if mu == T::zero() {
             return Some(Touch { tangent: Vector2::zeros(), normal: smooth, slip: T::zero() });
@@ -75,9 +75,11 @@ impl<T: RealField + Copy> Cone<T> {
 
     /// The part of `b` in the range of S, if the rest is rounding: along a null direction of S a velocity that is
     /// rounding of the other terms counts as zero.
-    fn moved(&self, b: &Vector2<T>, size: T) -> Option<Vector2<T>> {
+    fn moved(&self, b: &Vector2<T>, size: impl FnOnce() -> T) -> Option<Vector2<T>> {
         let moved = self.mobility.moved(b);
-        (length(&(b - moved)) <= size * rounding(NULL_PIVOT) * (T::one() + self.tilt.amax())).then_some(moved)
+        let rest = length(&(b - moved));
+        let is_rounding = rest == T::zero() || rest <= size() * rounding(NULL_PIVOT) * (T::one() + self.tilt.amax());
+        is_rounding.then_some(moved)
     }
 
     /// The impulse that sticks, if it is in the cone.
@@ -101,7 +103,7 @@ impl<T: RealField + Copy> Cone<T> {
         let smooth = -c_n / self.normal;
         let b = c_t - self.tilt * c_n;
         let mut all = Vec::new();
-        if let Some(moved) = self.moved(&b, length(c_t) - c_n) {
+        if let Some(moved) = self.moved(&b, || length(c_t) - c_n) {
             all.extend(self.stick(mu, &moved, smooth));
         }
         let Some((quartic, l)) = self.quartic(mu, c_t, c_n) else {
@@ -112,8 +114,7 @@ impl<T: RealField + Copy> Cone<T> {
         // The roots of the polynomial are rough: refined on the equation itself.
         let polished = |mut s: T| {
             for _ in 0..8 {
-                let (value, slope) = excess(s);
-                let next = s - value / slope;
+                let (_, next) = excess(s);
                 let near = (next - s).abs() < s * convert(0.1);
                 s = if near { next } else { s };
             }
@@ -207,7 +208,9 @@ pub(crate) fn shift<T: RealField + Copy>(
     root(high, excess)
 }
 
-/// `|x| - μ (normal - tiltᵀ x)` and its derivative, as a function of s.
+/// `|x| - R` with `R = μ (normal - tiltᵀ x)` as a function of s, and the next s by Newton's method: for `R/|x| = 1`, whose left side is
+/// nearly linear in s (Moré & Sorensen 1983, for the same equation with a constant R). Where friction may jam there may be two roots near
+/// each other, which steps for `|x| - R = 0` find more often.
 fn excess<T: RealField + Copy>(
     mobility: &Mobility<T>,
     b: &Vector2<T>,
@@ -215,30 +218,33 @@ fn excess<T: RealField + Copy>(
     normal: T,
     tilt: &Vector2<T>,
 ) -> impl Fn(T) -> (T, T) {
+    let jams = mu * length(tilt) >= T::one();
     move |s: T| {
         let x = -mobility.shifted_solution(s, b);
         let fall = mobility.shifted_solution(s, &x); // -dx/ds
-        let size = length(&x);
-        (size - mu * (normal - tilt.dot(&x)), -x.dot(&fall) / size - mu * tilt.dot(&fall))
+        let (size, radius) = (length(&x), mu * (normal - tilt.dot(&x)));
+        let (shrinks, grows) = (-x.dot(&fall) / size, mu * tilt.dot(&fall));
+        let value = size - radius;
+        let share = if jams { T::one() } else { radius / size };
+        (value, s + value / (grows - share * shrinks))
     }
 }
 
-/// The root of a function that is positive near 0 and not positive at `high`, to full precision: Newton's method within
-/// the bracket, which every fourth step halves (by its geometric mean, because s spans many orders of magnitude).
-/// `None` if no positive value is found.
+/// The root of a function that is positive near 0 and not positive at `high`, to full precision, from its values and the next s of
+/// Newton's method: this within the bracket, which every fourth step halves (by its geometric mean, because s spans many orders of
+/// magnitude). `None` if no positive value is found.
 fn root<T: RealField + Copy>(mut high: T, f: impl Fn(T) -> (T, T)) -> Option<T> {
     let least: T = convert(f64::MIN_POSITIVE);
     let fine: T = rounding(2.0);
     let mut low = T::zero();
     let mut s = high;
     for step in 1..400 {
-        let (value, slope) = f(s);
+        let (value, newton) = f(s);
         if value > T::zero() {
             low = s
         } else {
             high = s
         }
-        let newton = s - value / slope;
         let halved = if low > T::zero() { (low * high).sqrt() } else { high * convert(1.0 / 1024.0) };
         let next = if step % 4 != 0 && newton > low && newton < high { newton } else { halved };
         let moved = (next - s).abs();
@@ -252,7 +258,6 @@ fn root<T: RealField + Copy>(mut high: T, f: impl Fn(T) -> (T, T)) -> Option<T> 
         return None;
     }
     // One more step, so that s has its derivative if T is a dual number.
-    let (value, slope) = f(s);
-    let polished = s - value / slope;
+    let (_, polished) = f(s);
     Some(if polished >= low && polished <= high { polished } else { s })
 }

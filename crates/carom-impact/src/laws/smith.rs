@@ -102,7 +102,7 @@ fn answer<T: RealField + Copy>(contact: &Contact<T>, e: T, mu: T) -> Option<(Vec
     let gain = -(T::one() + e) * contact.v_n;
     let cone = || {
         let cone = Cone::new(contact.tangents, contact.coupling, contact.normal);
-        cone.solve(mu, &contact.slip, -gain, gain)
+        cone.solve(mu, &contact.slip, -gain, || gain)
     };
     // No slip before, or one that may be rounding of the approach: then w has the direction of the slip after.
     if length(&contact.slip) <= gain * rounding(REST) && mu > T::zero() {

@@ -87,7 +87,7 @@ impl<T: RealField + Copy> Rule<T> for Whittaker<T> {
             let in_space = || {
                 let contact = Contact::of(problem);
                 let (cone, gain) = (Cone::of(&contact), self.gain(&contact));
-                let touch = cone.solve(mu, &contact.slip, -gain, length(&contact.slip) + gain);
+                let touch = cone.solve(mu, &contact.slip, -gain, || length(&contact.slip) + gain);
                 let mut found = self.found(problem, &touch.ok_or_else(|| refused(&contact))?);
                 found.account.flags |= Flags::NON_UNIQUE.when(cone.answers(mu, &contact.slip, -gain) > 1);
                 Ok(found)
@@ -121,7 +121,7 @@ impl<T: RealField + Copy> Whittaker<T> {
             let (cone, gain) = (Cone::of(&contact), self.gain(&contact));
             let mut touches = cone.all(mu, &contact.slip, -gain);
             if gain > T::zero()
-                && let Some(first) = cone.solve(mu, &contact.slip, -gain, length(&contact.slip) + gain)
+                && let Some(first) = cone.solve(mu, &contact.slip, -gain, || length(&contact.slip) + gain)
             {
                 // The first is among them, to the rounding of its slip.
                 let off = |touch: &Touch<T>| (touch.slip - first.slip).abs();

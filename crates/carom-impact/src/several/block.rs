@@ -75,7 +75,7 @@ impl Block {
 
     /// The impulse of a contact with friction μ whose velocity without impulse is c (m/s), a sum of terms of the given
     /// size (m/s).
-    pub fn solve_contact(&self, mu: f64, c: Vector3<f64>, size: f64) -> Vector3<f64> {
+    pub fn solve_contact(&self, mu: f64, c: Vector3<f64>, size: impl FnOnce() -> f64) -> Vector3<f64> {
         let Some(cone) = self.cone.filter(|_| c.z < 0.0) else {
             return Vector3::zeros();
         };

@@ -52,6 +52,7 @@
 //! ```
 
 mod block;
+mod elimination;
 mod energetic;
 mod natural_map;
 mod newton;

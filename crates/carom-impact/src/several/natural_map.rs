@@ -5,7 +5,7 @@
 //! open, stick and slip. On each piece the derivative F' is exact, so Newton's method converges quadratically once no
 //! constraint changes its mode.
 
-use nalgebra::{DVector, Vector2, Vector3};
+use nalgebra::{DVector, Vector2};
 
 use super::block::{Block, nothing};
 use super::response::Response;
@@ -61,35 +61,30 @@ impl<'a> NaturalMap<'a> {
         Self { offset: self.offset.clone(), blocks, ..*self }
     }
 
-    /// Velocities and value of F at the impulses of `at`.
+    /// Velocities and value of F at the impulses of `at`; of a regularised problem with what has been added to H.
     pub fn evaluate(&self, at: &mut Point) {
         self.response.reduce(&at.p, &mut at.w);
-        self.moved(&at.p, &at.w, &mut at.y);
+        self.response.velocities(&at.w, &mut at.y);
+        for block in self.blocks.iter().filter(|block| block.added > 0.0) {
+            for i in block.row..block.row + block.constraint.rows() {
+                at.y[i] += block.added * at.p[i];
+            }
+        }
         at.y += &self.offset;
         self.value(&at.p, &at.y, &mut at.f);
     }
 
-    /// `H q` for the impulses q, whose reduced impulse is w; of a regularised problem with what has been added to H.
-    pub fn moved(&self, q: &DVector<f64>, w: &DVector<f64>, u: &mut DVector<f64>) {
-        u.gemv_tr(1.0, self.response.rows(), w, 0.0);
-        for block in self.blocks.iter().filter(|block| block.added > 0.0) {
-            for i in block.row..block.row + block.constraint.rows() {
-                u[i] += block.added * q[i];
-            }
-        }
-    }
-
     /// F (m/s) at the impulses p, where the velocities are y.
     pub fn value(&self, p: &DVector<f64>, y: &DVector<f64>, f: &mut DVector<f64>) {
+        let (p, y, f) = (p.as_slice(), y.as_slice(), f.as_mut_slice());
         for block in &self.blocks {
             let (i, h) = (block.row, block.scale);
             match block.constraint {
                 Constraint::Contact { friction, .. } => {
                     let piece = Piece::of(block, friction, p, y);
-                    let t = Vector2::new(h * p[i], h * p[i + 1]) - piece.friction();
-                    f[i] = t.x;
-                    f[i + 1] = t.y;
-                    f[i + 2] = h * p[i + 2] - piece.push;
+                    let friction = piece.friction();
+                    let value = [h * p[i] - friction.x, h * p[i + 1] - friction.y, h * p[i + 2] - piece.push];
+                    f[i..i + 3].copy_from_slice(&value);
                 }
                 Constraint::Stop { .. } => f[i] = (h * p[i]).min(y[i]),
                 Constraint::Dry { bound } => f[i] = h * p[i] - (h * p[i] - y[i]).clamp(-h * bound, h * bound),
@@ -112,9 +107,9 @@ impl<'a> NaturalMap<'a> {
         }
     }
 
-    /// Projects the impulses on the cones and bounds.
-    pub fn admissible(&self, p: &mut DVector<f64>) {
-        admissible(self.blocks.iter().map(|block| (block.row, &block.constraint)), p);
+    /// Projects the impulses on the cones and bounds; whether that changes them.
+    pub fn admissible(&self, p: &mut DVector<f64>) -> bool {
+        admissible(self.blocks.iter().map(|block| (block.row, &block.constraint)), p)
     }
 
     /// What the search makes small: the residual times one plus the largest impulse, as a share of the largest velocity.
@@ -134,7 +129,7 @@ pub(super) struct Point {
     /// Impulses (N s).
     pub p: DVector<f64>,
     /// Reduced impulses.
-    w: DVector<f64>,
+    pub w: DVector<f64>,
     /// Velocities minus their targets (m/s).
     pub y: DVector<f64>,
     /// F (m/s).
@@ -149,22 +144,34 @@ impl Point {
     }
 }
 
-/// The impulses projected on the cones and bounds (the normal first, then the tangents).
-pub(super) fn admissible<'a>(rows: impl Iterator<Item = (usize, &'a Constraint)>, p: &mut DVector<f64>) {
+/// Projects the impulses on the cones and bounds (the normal first, then the tangents); whether that changes them.
+pub(super) fn admissible<'a>(rows: impl Iterator<Item = (usize, &'a Constraint)>, p: &mut DVector<f64>) -> bool {
+    let mut changes = false;
     for (i, constraint) in rows {
         match *constraint {
             Constraint::Contact { friction, .. } => {
-                let own = Vector3::new(p[i], p[i + 1], p[i + 2].max(0.0));
-                let (size, most) = (own.xy().norm(), friction * own.z);
-                // Divided first: most/size may overflow for a tiny size.
-                let t = if size > most { own.xy() / size * most } else { own.xy() };
-                p.fixed_rows_mut::<3>(i).copy_from(&Vector3::new(t.x, t.y, own.z));
+                let [x, y, z] = [p[i], p[i + 1], p[i + 2]];
+                let size = x.hypot(y);
+                let most = friction * z.max(0.0);
+                if z < 0.0 || size > most {
+                    // Divided first: most/size may overflow for a tiny size.
+                    let [x, y] = if size > most { [x / size * most, y / size * most] } else { [x, y] };
+                    p.fixed_rows_mut::<3>(i).copy_from_slice(&[x, y, z.max(0.0)]);
+                    changes = true;
+                }
             }
-            Constraint::Stop { .. } => p[i] = p[i].max(0.0),
-            Constraint::Dry { bound } => p[i] = p[i].clamp(-bound, bound),
+            Constraint::Stop { .. } => {
+                changes |= p[i] < 0.0;
+                p[i] = p[i].max(0.0);
+            }
+            Constraint::Dry { bound } => {
+                changes |= p[i].abs() > bound;
+                p[i] = p[i].clamp(-bound, bound);
+            }
             Constraint::Held => {}
         }
     }
+    changes
 }
 
 /// The piece of F on which a contact is, in velocities.
@@ -173,23 +180,26 @@ pub(super) struct Piece {
     pub push: f64,
     /// `h p_t - u_t`.
     pub aim: Vector2<f64>,
+    /// The length of `aim`.
+    pub size: f64,
     /// `μ push`.
     pub radius: f64,
 }
 
 impl Piece {
-    pub fn of(block: &Block, mu: f64, p: &DVector<f64>, y: &DVector<f64>) -> Self {
+    pub fn of(block: &Block, mu: f64, p: &[f64], y: &[f64]) -> Self {
         let (i, h) = (block.row, block.scale);
         let push = (h * p[i + 2] - y[i + 2]).max(0.0);
-        Self { push, aim: Vector2::new(h * p[i] - y[i], h * p[i + 1] - y[i + 1]), radius: mu * push }
+        let aim = Vector2::new(h * p[i] - y[i], h * p[i + 1] - y[i + 1]);
+        Self { push, aim, size: aim.norm(), radius: mu * push }
     }
 
     pub fn sticks(&self) -> bool {
-        self.aim.norm() <= self.radius
+        self.size <= self.radius
     }
 
     /// Friction impulse: the trial impulse `aim`, projected on the friction disc.
     fn friction(&self) -> Vector2<f64> {
-        if self.sticks() { self.aim } else { self.aim.normalize() * self.radius }
+        if self.sticks() { self.aim } else { self.aim / self.size * self.radius }
     }
 }

@@ -29,6 +29,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
 
 use super::Constraint;
 use super::block::Block;
+use super::elimination;
 use super::natural_map::{NaturalMap, Piece, Point};
 
 /// X and z of one constraint, in the first entries if it has one row.
@@ -47,12 +48,12 @@ impl Eliminated {
 /// Memory of the steps of one problem.
 pub(super) struct Newton {
     blocks: Vec<Eliminated>,
+    /// The rows of the active constraints.
+    active: Vec<usize>,
     /// w, and before the solution its right-hand side.
     w: DVector<f64>,
     /// d.
     pub step: DVector<f64>,
-    /// `H d`.
-    pub moved: DVector<f64>,
 }
 
 impl Newton {
@@ -60,9 +61,9 @@ impl Newton {
         let n = map.offset.len();
         Self {
             blocks: Vec::with_capacity(map.blocks.len()),
+            active: Vec::with_capacity(n),
             w: DVector::zeros(map.response.rank()),
             step: DVector::zeros(n),
-            moved: DVector::zeros(n),
         }
     }
 
@@ -74,55 +75,91 @@ impl Newton {
         for (block, own) in map.blocks.iter().zip(&self.blocks) {
             self.step.rows_mut(block.row, block.constraint.rows()).copy_from(&own.z.rows(0, block.constraint.rows()));
         }
-        let matrix = self.matrix(map);
-        map.response.reduce(&self.step, &mut self.w);
-        if !matrix.lu().solve_mut(&mut self.w) {
-            return None;
-        }
         if map.response.is_thin() {
-            for (block, own) in map.blocks.iter().zip(&self.blocks).filter(|(_, own)| own.is_active()) {
-                let i = block.row;
-                let u = |k: usize| map.response.velocity(i + k, &self.w);
-                if block.constraint.rows() == 3 {
-                    let d = own.z - own.x * Vector3::new(u(0), u(1), u(2));
-                    self.step.fixed_rows_mut::<3>(i).copy_from(&d);
-                } else {
-                    self.step[i] -= own.x[(0, 0)] * u(0);
-                }
-            }
+            self.by_reduced_impulse(map)?
         } else {
-            self.step.copy_from(&self.w);
+            self.by_active_rows(map)?
         }
         let mut left = 0.0;
         for (block, _) in map.blocks.iter().zip(&self.blocks).filter(|(_, own)| own.is_active()) {
             let d = self.step.rows(block.row, block.constraint.rows());
             left += (share * block.scale).powi(2) * d.norm_squared();
         }
-        // The reduced impulse of the rounded step, not of the exact one.
-        map.response.reduce(&self.step, &mut self.w);
-        map.moved(&self.step, &self.w, &mut self.moved);
         Some(left.sqrt())
     }
 
-    /// `1 + Vᵀ X U`.
-    fn matrix(&self, map: &NaturalMap) -> DMatrix<f64> {
-        let r = map.response.rank();
+    /// d from z by the r × r system.
+    fn by_reduced_impulse(&mut self, map: &NaturalMap) -> Option<()> {
+        let rows = map.response.rows();
+        let r = rows.nrows();
         let mut matrix = DMatrix::identity(r, r);
-        for (block, own) in map.blocks.iter().zip(&self.blocks) {
-            if !own.is_active() {
-                continue;
-            }
-            let (i, rows) = (block.row, block.constraint.rows());
-            let u = map.response.rows().columns(i, rows);
-            let x = own.x.view((0, 0), (rows, rows));
-            if map.response.is_thin() {
-                matrix.gemm(1.0, &(u * x), &u.transpose(), 1.0);
+        for (block, own) in map.blocks.iter().zip(&self.blocks).filter(|(_, own)| own.is_active()) {
+            let i = block.row;
+            if block.constraint.rows() == 3 {
+                let u = rows.fixed_columns::<3>(i);
+                let along = u * own.x;
+                let [x, y, z] = [0, 1, 2].map(|k| &along.as_slice()[k * r..(k + 1) * r]);
+                for (column, u) in matrix.as_mut_slice().chunks_exact_mut(r).zip(u.row_iter()) {
+                    let [a, b, c] = [u[0], u[1], u[2]];
+                    let entries = column.iter_mut().zip(x).zip(y).zip(z);
+                    entries.for_each(|(((entry, x), y), z)| *entry += a * x + b * y + c * z);
+                }
             } else {
-                let mut target = matrix.rows_mut(i, rows);
-                target += x * u.transpose();
+                matrix.ger(own.x[(0, 0)], &rows.column(i), &rows.column(i), 1.0);
             }
         }
-        matrix
+        map.response.reduce(&self.step, &mut self.w);
+        elimination::solve(matrix.as_mut_slice(), self.w.as_mut_slice()).then_some(())?;
+        for (block, own) in map.blocks.iter().zip(&self.blocks).filter(|(_, own)| own.is_active()) {
+            let i = block.row;
+            let u = |k: usize| map.response.velocity(i + k, &self.w);
+            if block.constraint.rows() == 3 {
+                let d = own.z - own.x * Vector3::new(u(0), u(1), u(2));
+                self.step.fixed_rows_mut::<3>(i).copy_from(&d);
+            } else {
+                self.step[i] -= own.x[(0, 0)] * u(0);
+            }
+        }
+        Some(())
+    }
+
+    /// The same with V = 1, so that w = d: `(1 + X H) d = z` in the rows of the active constraints; in the others, where X is 0, d = z.
+    fn by_active_rows(&mut self, map: &NaturalMap) -> Option<()> {
+        self.active.clear();
+        for (block, _) in map.blocks.iter().zip(&self.blocks).filter(|(_, own)| own.is_active()) {
+            self.active.extend(block.row..block.row + block.constraint.rows());
+        }
+        let (rows, active) = (map.response.rows(), &self.active);
+        let (n, m) = (rows.nrows(), active.len());
+        // H d of the others.
+        self.w.copy_from(&self.step);
+        active.iter().for_each(|&i| self.w[i] = 0.0);
+        let others = self.w.iter().any(|z| *z != 0.0);
+        let (mut matrix, mut d) = (DMatrix::identity(m, m), DVector::zeros(m));
+        let mut at = 0;
+        for (block, own) in map.blocks.iter().zip(&self.blocks).filter(|(_, own)| own.is_active()) {
+            let (i, count) = (block.row, block.constraint.rows());
+            let pushed = |k: usize| if others && k < count { map.response.velocity(i + k, &self.w) } else { 0.0 };
+            let known = own.z - own.x * Vector3::new(pushed(0), pushed(1), pushed(2));
+            d.rows_mut(at, count).copy_from(&known.rows(0, count));
+            let h = |k: usize| &rows.as_slice()[(i + k) * n..(i + k + 1) * n];
+            if count == 3 {
+                let [x, y, z] = [h(0), h(1), h(2)];
+                for (column, &j) in matrix.as_mut_slice().chunks_exact_mut(m).zip(active) {
+                    let column = &mut column[at..at + 3];
+                    let moved = own.x * Vector3::new(x[j], y[j], z[j]);
+                    column.iter_mut().zip(&moved).for_each(|(entry, moved)| *entry += moved);
+                }
+            } else {
+                let x = h(0);
+                let columns = matrix.as_mut_slice().chunks_exact_mut(m).zip(active);
+                columns.for_each(|(column, &j)| column[at] += own.x[(0, 0)] * x[j]);
+            }
+            at += count;
+        }
+        elimination::solve(matrix.as_mut_slice(), d.as_mut_slice()).then_some(())?;
+        active.iter().zip(&d).for_each(|(&i, d)| self.step[i] = *d);
+        Some(())
     }
 }
 
@@ -140,17 +177,16 @@ fn eliminated(block: &Block, at: &Point, share: f64) -> Eliminated {
         Constraint::Held => one(true),
         Constraint::Contact { friction, .. } => {
             let f = at.f.fixed_rows::<3>(i).into_owned();
-            let piece = Piece::of(block, friction, &at.p, &at.y);
+            let piece = Piece::of(block, friction, at.p.as_slice(), at.y.as_slice());
             if piece.push <= 0.0 {
                 return Eliminated { x: Matrix3::zeros(), z: f / h };
             }
             if piece.sticks() {
                 return Eliminated { x: Matrix3::from_diagonal_element(1.0 / sigma), z: f / sigma };
             }
-            let size = piece.aim.norm();
-            let t = piece.aim / size;
+            let t = piece.aim / piece.size;
             let a = Vector2::new(-t.y, t.x);
-            let rho = piece.radius / size;
+            let rho = piece.radius / piece.size;
             let across = h * (1.0 - rho) + sigma * rho;
             let mut x = Matrix3::zeros();
             x.fixed_view_mut::<2, 2>(0, 0).copy_from(&(a * a.transpose() * (rho / across)));
@@ -215,11 +251,10 @@ mod tests {
             next.p.copy_from(&(&at.p - &newton.step * s));
             map.evaluate(&mut next);
             let moved = (&at.y - &next.y) / s;
-            assert!((&moved - &newton.moved).amax() <= 1e-6 * (1.0 + newton.moved.amax()), "H d, {k}");
             for block in &map.blocks {
                 let rows = |x: &DVector<f64>| x.rows(block.row, block.constraint.rows()).into_owned();
                 let left = (rows(&at.f) - rows(&next.f)) / s - rows(&at.f);
-                let size = 1.0 + newton.moved.amax() + block.scale * newton.step.amax();
+                let size = 1.0 + moved.amax() + block.scale * newton.step.amax();
                 // A curved piece, near the tip of its cone, or the end of a piece within the step.
                 if left.amax() <= 1e-4 * size {
                     checked += 1;

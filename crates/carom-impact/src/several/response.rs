@@ -8,7 +8,7 @@
 //!
 //! The rank r of H is at most the number of degrees of freedom, so with many contacts on few freedoms H = G Gᵀ with a
 //! thin G = U = V, from Cholesky's decomposition with pivoting. A product with H then takes 2 n r operations instead of
-//! n², and a Newton step an r × r system instead of an n × n one. Where that is no gain, or H is not symmetric, U = H
+//! n², and a Newton step an r × r system instead of one with the rows of all active constraints. Where that is no gain, or H is not symmetric, U = H
 //! and V = 1.
 
 use std::borrow::Cow;
@@ -22,17 +22,19 @@ pub(super) struct Response<'a> {
     /// Uᵀ (r × n), in which the entries of one row of H are contiguous; V is the same, or 1.
     rows: Cow<'a, DMatrix<f64>>,
     thin: bool,
+    /// Whether U is symmetric.
+    symmetric: bool,
 }
 
 impl<'a> Response<'a> {
     /// U = H, V = 1.
     pub fn whole(h: &'a DMatrix<f64>, symmetric: bool) -> Self {
-        Self { rows: if symmetric { Cow::Borrowed(h) } else { Cow::Owned(h.transpose()) }, thin: false }
+        Self { rows: if symmetric { Cow::Borrowed(h) } else { Cow::Owned(h.transpose()) }, thin: false, symmetric }
     }
 
     /// The thin factors of a symmetric, positive semidefinite H, if they have at most half as many columns.
     pub fn thin(h: &DMatrix<f64>) -> Option<Self> {
-        thin_factor(h, h.nrows() / 2).map(|rows| Self { rows: Cow::Owned(rows), thin: true })
+        thin_factor(h, h.nrows() / 2).map(|rows| Self { rows: Cow::Owned(rows), thin: true, symmetric: false })
     }
 
     pub fn is_thin(&self) -> bool {
@@ -67,23 +69,34 @@ impl<'a> Response<'a> {
         }
     }
 
-    /// The same with the absolute values of V and p.
-    pub fn add_size(&self, i: usize, p: f64, size: &mut DVector<f64>) {
-        if self.thin {
-            size.iter_mut().zip(&self.rows.column(i)).for_each(|(size, g)| *size += (g * p).abs());
-        } else {
-            size[i] += p.abs();
-        }
-    }
-
     /// Row i of `U w`.
     pub fn velocity(&self, i: usize, w: &DVector<f64>) -> f64 {
         self.rows.column(i).dot(w)
     }
 
-    /// The same with the absolute values of U.
-    pub fn size(&self, i: usize, size: &DVector<f64>) -> f64 {
-        self.rows.column(i).iter().zip(size).fold(0.0, |sum, (u, size)| sum + u.abs() * size)
+    /// `u = U w`.
+    pub fn velocities(&self, w: &DVector<f64>, u: &mut DVector<f64>) {
+        if self.thin {
+            let along = u.as_mut_slice().iter_mut().zip(self.rows.as_slice().chunks_exact(self.rank()));
+            along.for_each(|(u, row)| *u = row.iter().zip(w.as_slice()).map(|(a, w)| a * w).sum());
+        } else if self.symmetric {
+            u.fill(0.0);
+            for (column, w) in self.rows.column_iter().zip(w.iter()).filter(|(_, w)| **w != 0.0) {
+                u.axpy(*w, &column, 1.0);
+            }
+        } else {
+            u.gemv_tr(1.0, &self.rows, w, 0.0);
+        }
+    }
+
+    /// A bound of the terms of `H p` in row i, which are summed in any order: |Hᵢⱼ| is at most |Uᵢ| |Vⱼ|.
+    pub fn size(&self, i: usize, p: &DVector<f64>) -> f64 {
+        let own = self.rows.column(i);
+        if self.thin {
+            own.norm() * self.rows.column_iter().zip(p).map(|(g, p)| g.norm() * p.abs()).sum::<f64>()
+        } else {
+            own.iter().zip(p).map(|(h, p)| (h * p).abs()).sum()
+        }
     }
 }
 
@@ -91,27 +104,34 @@ impl<'a> Response<'a> {
 /// one that is largest relative to its own diagonal entry, so that the unit of a row does not matter.
 pub(super) fn thin_factor(h: &DMatrix<f64>, most: usize) -> Option<DMatrix<f64>> {
     let n = h.nrows();
-    let mut factor = DMatrix::zeros(most, n);
+    // The rows of Gᵀ one after another.
+    let mut factor: Vec<f64> = Vec::with_capacity(most * n);
+    let own: Vec<f64> = (0..n).map(|i| h[(i, i)]).collect();
     // Diagonal entries of what is not yet factored.
-    let mut left = h.diagonal();
+    let mut left = own.clone();
     for k in 0..=most {
-        let share = |i: usize| if h[(i, i)] > 0.0 { left[i] / h[(i, i)] } else { 0.0 };
-        let (next, largest) = (0..n).fold((0, 0.0), |(best, most), i| {
-            let share = share(i);
-            if share > most { (i, share) } else { (best, most) }
-        });
+        let (mut next, mut largest) = (0, 0.0);
+        for (i, (left, own)) in left.iter().zip(&own).enumerate() {
+            if *left > largest * own {
+                (next, largest) = (i, left / own);
+            }
+        }
         if largest <= COUPLING * f64::EPSILON {
-            return (k > 0).then(|| factor.remove_rows(k, most - k));
+            return (k > 0).then(|| DMatrix::from_row_slice(k, n, &factor));
         }
         if k == most {
             return None;
         }
+        factor.extend_from_slice(h.column(next).as_slice());
+        let (known, row) = factor.split_at_mut(k * n);
+        for known in known.chunks_exact(n) {
+            let share = known[next];
+            row.iter_mut().zip(known).for_each(|(entry, known)| *entry -= share * known);
+        }
         let pivot = left[next].sqrt();
-        let known = factor.column(next).rows(0, k).into_owned();
-        for i in 0..n {
-            let entry = (h[(i, next)] - factor.column(i).rows(0, k).dot(&known)) / pivot;
-            factor[(k, i)] = entry;
-            left[i] -= entry * entry;
+        for (left, entry) in left.iter_mut().zip(row) {
+            *entry /= pivot;
+            *left -= *entry * *entry;
         }
         left[next] = 0.0;
     }
@@ -175,16 +195,15 @@ mod tests {
             let (u, most) = (h * &p, h.abs() * p.abs());
             let mut at_once = DVector::zeros(response.rank());
             response.reduce(&p, &mut at_once);
-            let (mut w, mut size) = (DVector::zeros(response.rank()), DVector::zeros(response.rank()));
+            let mut w = DVector::zeros(response.rank());
             for i in 0..9 {
                 response.add(i, p[i], &mut w);
-                response.add_size(i, p[i], &mut size);
             }
             for i in 0..9 {
                 let within = 1e-12 * h.row(i).amax();
                 assert!((response.velocity(i, &w) - u[i]).abs() <= within);
                 assert!((response.velocity(i, &at_once) - u[i]).abs() <= within);
-                assert!(response.size(i, &size) >= most[i] - within, "a bound of the terms of row {i}");
+                assert!(response.size(i, &p) >= most[i] - within, "a bound of the terms of row {i}");
             }
         }
     }

@@ -2,8 +2,7 @@
 //!
 //! Problems of many contacts with a singular H have solutions that sweeps and Newton steps hardly find from zero. The proximal
 //! point method (Rockafellar 1976) leads there: a problem whose H has a share of each constraint's h added to it, around the
-//! solution of the one before. The first share is 1; it decreases after each problem that is solved, and increases after each
-//! that is not.
+//! solution of the one before. The share decreases after each problem that is solved, and increases after each that is not.
 //!
 //! In inelastic problems with few degrees of freedom and large friction, about one in a thousand makes sweeps and
 //! Newton steps alternate between two modes, while they converge from another start. The last iterations go to other
@@ -14,7 +13,7 @@ use nalgebra::DVector;
 
 use super::natural_map::{NaturalMap, Point};
 use super::response::Response;
-use super::solve::{Found, solve};
+use super::solve::{Found, solve, sweep};
 use super::{Accuracy, SeveralProblem};
 use crate::rounding::SOLVED;
 
@@ -25,7 +24,10 @@ const SHORT: usize = 40;
 const SHARE: usize = 7;
 
 /// Iterations on the problem itself after each of the proximal point method.
-const STEPS: usize = 8;
+const STEPS: usize = 4;
+
+/// The first share that is added to H.
+const FIRST_SHARE: f64 = 0.01;
 
 /// Factors of the share that is added to H: after a problem that is solved, and after one that is not.
 const FACTORS: [f64; 2] = [0.3, 3.0];
@@ -37,38 +39,43 @@ const MOST: f64 = 100.0;
 pub(super) fn solve_patiently(problem: &SeveralProblem, accuracy: &Accuracy, start: Option<&DVector<f64>>) -> Found {
     let whole = Response::whole(&problem.delassus, problem.gram);
     let mut map = NaturalMap::new(problem, &whole);
+    let mut at = Point::new(&map);
     if let Some(start) = start {
-        let mut impulse = start.clone();
-        let residual = exact_residual(&map, &mut impulse);
-        if residual <= accuracy.tolerance {
-            return Found { impulse, residual, iterations: 0 };
-        }
+        at.p.copy_from(start);
+        map.admissible(&mut at.p);
     }
+    map.evaluate(&mut at);
+    let mut left = accuracy.max_iterations;
+    // One sweep solves constraints that hardly act on each other, before anything is factored.
+    if start.is_none() && map.residual(&at.f) > accuracy.tolerance && left > 0 {
+        sweep(&map, &mut at);
+        left -= 1;
+    }
+    let done = |left| accuracy.max_iterations - left;
+    let residual = map.residual(&at.f);
+    if residual <= accuracy.tolerance {
+        return Found { impulse: at.p, residual, iterations: done(left) };
+    }
+    let rest = |left| Accuracy { max_iterations: left, ..*accuracy };
     let thin = if problem.gram { Response::thin(&problem.delassus) } else { None };
-    let Some(thin) = thin else { return from_starts(&map, accuracy, start) };
-    map.response = &thin;
-    let mut found = from_starts(&map, accuracy, start);
+    map.response = thin.as_ref().unwrap_or(&whole);
+    let mut found = from_starts(&map, &rest(left), &at.p);
+    left -= found.iterations;
     // The law holds for H itself, not for its factors.
     map.response = &whole;
-    let residual = exact_residual(&map, &mut found.impulse);
-    if found.residual <= accuracy.tolerance && residual > accuracy.tolerance {
-        let left = accuracy.max_iterations - found.iterations;
-        let again = from_starts(&map, &Accuracy { max_iterations: left, ..*accuracy }, Some(&found.impulse));
-        return Found { iterations: found.iterations + again.iterations, ..again };
-    }
-    Found { residual, ..found }
-}
-
-/// The residual of these impulses, projected on the cones.
-fn exact_residual(map: &NaturalMap, impulse: &mut DVector<f64>) -> f64 {
-    let mut at = Point::new(map);
-    map.admissible(impulse);
-    at.p.copy_from(impulse);
+    at.p.copy_from(&found.impulse);
+    map.admissible(&mut at.p);
     map.evaluate(&mut at);
-    map.residual(&at.f)
+    let residual = map.residual(&at.f);
+    if found.residual <= accuracy.tolerance && residual > accuracy.tolerance {
+        found = from_starts(&map, &rest(left), &at.p);
+        left -= found.iterations;
+        return Found { iterations: done(left), ..found };
+    }
+    Found { impulse: at.p, residual, iterations: done(left) }
 }
 
-fn from_starts(map: &NaturalMap, accuracy: &Accuracy, start: Option<&DVector<f64>>) -> Found {
+fn from_starts(map: &NaturalMap, accuracy: &Accuracy, start: &DVector<f64>) -> Found {
     let whole = accuracy.max_iterations;
     let mut left = whole;
     let mut run = |map: &NaturalMap, start: Option<&DVector<f64>>, most: usize| {
@@ -77,12 +84,12 @@ fn from_starts(map: &NaturalMap, accuracy: &Accuracy, start: Option<&DVector<f64
         left -= found.iterations.max(1).min(left);
         (found, left)
     };
-    let (mut best, mut left) = run(map, start, whole / SHORT);
+    let (mut best, mut left) = run(map, Some(start), whole / SHORT);
     let better = |found: &Found, best: &Found| {
         found.residual <= accuracy.tolerance
             || map.cost(found.residual, &found.impulse) < map.cost(best.residual, &best.impulse)
     };
-    let (mut p, mut share) = (DVector::zeros(best.impulse.len()), 1.0);
+    let (mut p, mut share) = (DVector::zeros(best.impulse.len()), FIRST_SHARE);
     while best.residual > accuracy.tolerance && left > whole / SHARE && share <= MOST {
         let mut found;
         (found, left) = run(&map.regularised(share, &p), Some(&p), whole / SHORT);

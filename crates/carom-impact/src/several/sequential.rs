@@ -253,9 +253,10 @@ impl State<'_> {
                     let column = self.reduced.delassus.column(row);
                     column.iter().zip(&self.impulse).fold(self.u[row].abs(), |sum, (h, p)| sum + (h * p).abs())
                 };
-                let size = terms(i).max(terms(i + 1)).max(terms(last));
+                let size = || terms(i).max(terms(i + 1)).max(terms(last));
+                let more = block.solve_contact(friction, c, size);
                 let mut own = self.impulse.fixed_rows_mut::<3>(i);
-                own += block.solve_contact(friction, c, size);
+                own += more;
             }
             Constraint::Dry { .. } => self.impulse[i] = self.dry(k),
             Constraint::Stop { .. } => self.impulse[i] += block.solve_one(self.u[i] + rebound),

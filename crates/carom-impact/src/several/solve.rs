@@ -15,11 +15,11 @@ use super::{Accuracy, Constraint};
 const FIRST_SWEEPS: usize = 1;
 
 /// Newton steps in one attempt.
-const NEWTON_STEPS: usize = 24;
+const NEWTON_STEPS: usize = 36;
 
 /// A Newton step has to make F shorter than the longest of this number of steps before, so that F may grow where a
 /// constraint changes its mode.
-const RECENT: usize = 3;
+const RECENT: usize = 8;
 
 /// Regularisations of a Newton step, each tried if the one before fails, as shares of each constraint's h. The first is
 /// as small as the cancellation in the step allows: its rounding is ε over the share, relative to the velocities.
@@ -36,16 +36,18 @@ pub(super) struct Found {
     pub iterations: usize,
 }
 
-/// From one start.
+/// From one start, or from zero impulses.
 pub(super) fn solve(map: &NaturalMap, accuracy: &Accuracy, start: Option<&DVector<f64>>) -> Found {
     let mut search = Search::new(map, accuracy);
+    let mut at = Point::new(map);
     if let Some(start) = start {
-        search.kept.p.copy_from(start);
+        at.p.copy_from(start);
+        map.admissible(&mut at.p);
     }
-    search.keep(map, None);
-    let mut p = search.best.clone();
+    map.evaluate(&mut at);
+    search.keep(map, &at);
     if start.is_some() {
-        search.newton(map, &mut p.clone());
+        search.newton(map, &at);
     }
     let mut sweeps = FIRST_SWEEPS;
     while search.goes_on() {
@@ -53,10 +55,10 @@ pub(super) fn solve(map: &NaturalMap, accuracy: &Accuracy, start: Option<&DVecto
             if !search.goes_on() || !search.step() {
                 break;
             }
-            search.sweep(map, &mut p);
-            search.keep(map, Some(&p));
+            sweep(map, &mut at);
+            search.keep(map, &at);
         }
-        search.newton(map, &mut p.clone());
+        search.newton(map, &at);
         sweeps *= 2;
     }
     Found { impulse: search.best, residual: search.residual, iterations: accuracy.max_iterations - search.left }
@@ -69,31 +71,28 @@ struct Search<'a> {
     cost: f64,
     left: usize,
     accuracy: &'a Accuracy,
-    kept: Point,
+    /// Since its first attempt.
+    newton: Option<Attempt>,
+}
+
+/// Where Newton's method is, and where it goes.
+struct Attempt {
     here: Point,
     next: Point,
     newton: Newton,
-    /// Reduced impulses during a sweep, and the sum of the sizes of their parts.
-    w: DVector<f64>,
-    sizes: DVector<f64>,
+    /// H d of the step d.
+    moved: DVector<f64>,
 }
 
 impl<'a> Search<'a> {
     fn new(map: &NaturalMap, accuracy: &'a Accuracy) -> Self {
-        let point = Point::new(map);
-        let w = DVector::zeros(map.response.rank());
         Self {
-            best: point.p.clone(),
+            best: DVector::zeros(map.offset.len()),
             residual: f64::INFINITY,
             cost: f64::INFINITY,
             left: accuracy.max_iterations,
             accuracy,
-            kept: point.clone(),
-            here: point.clone(),
-            next: point,
-            newton: Newton::new(map),
-            sizes: w.clone(),
-            w,
+            newton: None,
         }
     }
 
@@ -108,89 +107,109 @@ impl<'a> Search<'a> {
         any
     }
 
-    /// Stores `p`, or the impulses in `kept`, projected on the cones, if it is the best so far.
-    fn keep(&mut self, map: &NaturalMap, p: Option<&DVector<f64>>) {
-        let kept = &mut self.kept;
-        if let Some(p) = p {
-            kept.p.copy_from(p);
-        }
-        map.admissible(&mut kept.p);
-        map.evaluate(kept);
-        let residual = map.residual(&kept.f);
-        let cost = map.cost(residual, &kept.p);
+    /// Stores these admissible impulses if they are the best so far.
+    fn keep(&mut self, map: &NaturalMap, at: &Point) {
+        let residual = map.residual(&at.f);
+        let cost = map.cost(residual, &at.p);
         let better = if residual <= self.accuracy.tolerance { residual < self.residual } else { cost < self.cost };
         // Impulses that overflow are not a solution.
-        if better && kept.p.iter().all(|p| p.is_finite()) {
-            self.best.copy_from(&kept.p);
+        if better && at.p.iter().all(|p| p.is_finite()) {
+            self.best.copy_from(&at.p);
             (self.residual, self.cost) = (residual, cost);
         }
     }
 
-    /// Newton's method with step halving; changes `p`. F gets shorter than the longest of the [`RECENT`] last ones.
-    fn newton(&mut self, map: &NaturalMap, p: &mut DVector<f64>) {
-        self.here.p.copy_from(p);
-        map.evaluate(&mut self.here);
+    /// Newton's method with step halving. F gets shorter than the longest of the [`RECENT`] last ones.
+    fn newton(&mut self, map: &NaturalMap, at: &Point) {
+        if !self.goes_on() {
+            return;
+        }
+        let new = || Attempt { here: at.clone(), next: at.clone(), newton: Newton::new(map), moved: at.y.clone() };
+        let mut attempt = self.newton.take().unwrap_or_else(new);
+        attempt.here.clone_from(at);
         let mut sizes = [0.0_f64; RECENT];
         for step in 0..NEWTON_STEPS {
-            let size = self.here.f.norm();
+            let size = attempt.here.f.norm();
             if !self.goes_on() || size == 0.0 || !self.step() {
-                return;
+                break;
             }
             sizes[step % RECENT] = size;
             let longest = sizes.iter().fold(0.0_f64, |most, size| most.max(*size));
-            if !SHARES.into_iter().any(|share| self.shorter(map, longest, share)) {
-                return;
+            if !SHARES.into_iter().any(|share| attempt.shorter(map, longest, share)) {
+                break;
             }
-            std::mem::swap(&mut self.here, &mut self.next);
-            // Without the rounding of the larger numbers before.
-            map.evaluate(&mut self.here);
-            p.copy_from(&self.here.p);
-            self.keep(map, Some(p));
+            let Attempt { here, next, .. } = &mut attempt;
+            std::mem::swap(here, next);
+            next.p.copy_from(&here.p);
+            if map.admissible(&mut next.p) {
+                map.evaluate(next);
+                self.keep(map, next);
+            } else {
+                self.keep(map, here);
+            }
         }
+        self.newton = Some(attempt);
     }
+}
 
+impl Attempt {
     /// A Newton step with step halving from `here` to `next`, where F is shorter than `size`; false if there is none.
     fn shorter(&mut self, map: &NaturalMap, size: f64, regularisation: f64) -> bool {
         let most = if regularisation < LARGEST { 0.5 * size } else { f64::INFINITY };
-        self.newton.solve(map, &self.here, regularisation).is_some_and(|left| left <= most)
-            && (0..12).map(|halvings| 0.5_f64.powi(halvings)).any(|share| {
-                let (here, next) = (&self.here, &mut self.next);
-                next.p.copy_from(&here.p);
-                next.p.axpy(-share, &self.newton.step, 1.0);
-                next.y.copy_from(&here.y);
-                next.y.axpy(-share, &self.newton.moved, 1.0);
-                map.value(&next.p, &next.y, &mut next.f);
-                next.f.norm() < size * (1.0 - 1e-4 * share)
-            })
+        if !self.newton.solve(map, &self.here, regularisation).is_some_and(|left| left <= most) {
+            return false;
+        }
+        let (here, next, step, moved) = (&self.here, &mut self.next, &self.newton.step, &mut self.moved);
+        let is_shorter = |next: &Point, share: f64| next.f.norm() < size * (1.0 - 1e-4 * share);
+        next.p.copy_from(&here.p);
+        next.p -= step;
+        map.evaluate(next);
+        if is_shorter(next, 1.0) {
+            return true;
+        }
+        moved.copy_from(&here.y);
+        *moved -= &next.y;
+        let found = (1..12).map(|halvings| 0.5_f64.powi(halvings)).any(|share| {
+            next.p.copy_from(&here.p);
+            next.p.axpy(-share, step, 1.0);
+            next.y.copy_from(&here.y);
+            next.y.axpy(-share, moved, 1.0);
+            map.value(&next.p, &next.y, &mut next.f);
+            is_shorter(next, share)
+        });
+        if found {
+            // Without the rounding of the larger numbers before.
+            map.evaluate(next);
+        }
+        found
     }
+}
 
-    /// Solves every constraint once, with the current impulses of the others.
-    fn sweep(&mut self, map: &NaturalMap, p: &mut DVector<f64>) {
-        let (response, w, sizes) = (map.response, &mut self.w, &mut self.sizes);
-        response.reduce(p, w);
-        sizes.fill(0.0);
-        for (i, p) in p.iter().enumerate() {
-            response.add_size(i, *p, sizes);
+/// Solves every constraint once, with the current impulses of the others.
+pub(super) fn sweep(map: &NaturalMap, at: &mut Point) {
+    let Point { p, w, .. } = at;
+    let response = map.response;
+    response.reduce(p, w);
+    for block in &map.blocks {
+        let i = block.row;
+        let rows = i..i + block.constraint.rows();
+        for k in rows.clone().filter(|&k| p[k] != 0.0) {
+            response.add(k, -p[k], w);
         }
-        for block in &map.blocks {
-            let i = block.row;
-            let rows = i..i + block.constraint.rows();
-            for k in rows.clone() {
-                response.add(k, -p[k], w);
-            }
-            let without = |k: usize| map.offset[k] + response.velocity(k, w);
-            if let Constraint::Contact { friction, .. } = block.constraint {
-                let c = Vector3::new(without(i), without(i + 1), without(i + 2));
-                let size = |k: usize| map.offset[k].abs() + response.size(k, sizes);
-                let size = size(i).max(size(i + 1)).max(size(i + 2));
-                p.fixed_rows_mut::<3>(i).copy_from(&block.solve_contact(friction, c, size));
-            } else {
-                p[i] = block.solve_one(without(i));
-            }
-            for k in rows {
-                response.add(k, p[k], w);
-                response.add_size(k, p[k], sizes);
-            }
+        let without = |k: usize| map.offset[k] + response.velocity(k, w);
+        if let Constraint::Contact { friction, .. } = block.constraint {
+            let c = Vector3::new(without(i), without(i + 1), without(i + 2));
+            let size = |k: usize| map.offset[k].abs() + response.size(k, p);
+            let size = || size(i).max(size(i + 1)).max(size(i + 2));
+            let solved = block.solve_contact(friction, c, size);
+            p.fixed_rows_mut::<3>(i).copy_from(&solved);
+        } else {
+            p[i] = block.solve_one(without(i));
+        }
+        for k in rows.filter(|&k| p[k] != 0.0) {
+            response.add(k, p[k], w);
         }
     }
+    map.admissible(p);
+    map.evaluate(at);
 }

@@ -82,7 +82,8 @@ impl SeveralProblem {
         let loads = SOLVED * impulse.amax();
         let slips = SLIPS * self.u_minus.amax().max(self.u_free.amax());
         // The rows that are held; the columns of the directions of impulses.
-        let (mut held, mut along, mut slides) = (Vec::new(), Vec::new(), 0);
+        let n = impulse.len();
+        let (mut held, mut along, mut slides) = (Vec::with_capacity(n), Vec::with_capacity(n), 0);
         for (row, constraint) in self.rows() {
             let unit = |k: usize| [(k, 1.0), (k, 0.0), (k, 0.0)];
             match *constraint {
