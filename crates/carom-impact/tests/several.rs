@@ -148,6 +148,28 @@ fn one_contact_is_a_single_impact() {
     }
 }
 
+/// Each has the impact that it has alone, after one sweep; an open one has none.
+#[test]
+fn contacts_that_do_not_act_on_each_other_are_solved_by_one_sweep() {
+    let rng = &mut fastrand::Rng::with_seed(11);
+    for count in [1, 2, 7, 30] {
+        let (mut h, mut u) = (DMatrix::zeros(3 * count, 3 * count), DVector::zeros(3 * count));
+        let mut alone = Vec::new();
+        for k in 0..count {
+            let (own, slip) = one_contact(rng);
+            let slip = if k % 3 == 2 { Vector3::new(slip.x, slip.y, -slip.z) } else { slip };
+            h.fixed_view_mut::<3, 3>(3 * k, 3 * k).copy_from(&own);
+            u.fixed_rows_mut::<3>(3 * k).copy_from(&slip);
+            alone.push(solve_one(&own, &slip, 0.4, 0.3).0);
+        }
+        let hit = solve(h, u, vec![contact(0.4, 0.3); count]);
+        assert_eq!(hit.iterations, 1, "{count}");
+        let far = alone.iter().enumerate().map(|(k, own)| (hit.impulse.fixed_rows::<3>(3 * k) - own).amax());
+        let size = hit.impulse.amax();
+        far.for_each(|far| assert!(far <= 1e-12 * size, "{count}: {far}"));
+    }
+}
+
 #[test]
 fn one_contact_with_large_friction_is_brought_to_rest() {
     let mut rng = fastrand::Rng::with_seed(2);
