@@ -61,6 +61,17 @@ impl<'a> NaturalMap<'a> {
         Self { offset: self.offset.clone(), blocks, ..*self }
     }
 
+    /// These impulses, projected on the cones and bounds, with their velocities and F; without them zero.
+    pub fn at(&self, impulse: Option<&DVector<f64>>) -> Point {
+        let mut at = Point::new(self);
+        if let Some(impulse) = impulse {
+            at.p.copy_from(impulse);
+            self.admissible(&mut at.p);
+        }
+        self.evaluate(&mut at);
+        at
+    }
+
     /// Velocities and value of F at the impulses of `at`; of a regularised problem with what has been added to H.
     pub fn evaluate(&self, at: &mut Point) {
         self.response.reduce(&at.p, &mut at.w);

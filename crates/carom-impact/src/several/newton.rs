@@ -25,7 +25,7 @@
 //!        F_n = y            E_nn = 1
 //! ```
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
+use nalgebra::{DVector, Matrix3, Vector2, Vector3};
 
 use super::Constraint;
 use super::block::Block;
@@ -50,6 +50,8 @@ pub(super) struct Newton {
     blocks: Vec<Eliminated>,
     /// The rows of the active constraints.
     active: Vec<usize>,
+    /// The columns of the matrix of the equations.
+    matrix: Vec<f64>,
     /// w, and before the solution its right-hand side.
     w: DVector<f64>,
     /// d.
@@ -62,6 +64,7 @@ impl Newton {
         Self {
             blocks: Vec::with_capacity(map.blocks.len()),
             active: Vec::with_capacity(n),
+            matrix: Vec::new(),
             w: DVector::zeros(map.response.rank()),
             step: DVector::zeros(n),
         }
@@ -92,24 +95,28 @@ impl Newton {
     fn by_reduced_impulse(&mut self, map: &NaturalMap) -> Option<()> {
         let rows = map.response.rows();
         let r = rows.nrows();
-        let mut matrix = DMatrix::identity(r, r);
+        identity(r, &mut self.matrix);
         for (block, own) in map.blocks.iter().zip(&self.blocks).filter(|(_, own)| own.is_active()) {
             let i = block.row;
             if block.constraint.rows() == 3 {
                 let u = rows.fixed_columns::<3>(i);
                 let along = u * own.x;
                 let [x, y, z] = [0, 1, 2].map(|k| &along.as_slice()[k * r..(k + 1) * r]);
-                for (column, u) in matrix.as_mut_slice().chunks_exact_mut(r).zip(u.row_iter()) {
+                for (column, u) in self.matrix.chunks_exact_mut(r).zip(u.row_iter()) {
                     let [a, b, c] = [u[0], u[1], u[2]];
                     let entries = column.iter_mut().zip(x).zip(y).zip(z);
                     entries.for_each(|(((entry, x), y), z)| *entry += a * x + b * y + c * z);
                 }
             } else {
-                matrix.ger(own.x[(0, 0)], &rows.column(i), &rows.column(i), 1.0);
+                let u = rows.column(i);
+                for (column, own_u) in self.matrix.chunks_exact_mut(r).zip(&u) {
+                    let share = own.x[(0, 0)] * own_u;
+                    column.iter_mut().zip(&u).for_each(|(entry, u)| *entry += share * u);
+                }
             }
         }
         map.response.reduce(&self.step, &mut self.w);
-        elimination::solve(matrix.as_mut_slice(), self.w.as_mut_slice()).then_some(())?;
+        elimination::solve(&mut self.matrix, self.w.as_mut_slice()).then_some(())?;
         for (block, own) in map.blocks.iter().zip(&self.blocks).filter(|(_, own)| own.is_active()) {
             let i = block.row;
             let u = |k: usize| map.response.velocity(i + k, &self.w);
@@ -131,36 +138,43 @@ impl Newton {
         }
         let (rows, active) = (map.response.rows(), &self.active);
         let (n, m) = (rows.nrows(), active.len());
-        // H d of the others.
+        identity(m, &mut self.matrix);
+        // The steps of the others.
         self.w.copy_from(&self.step);
         active.iter().for_each(|&i| self.w[i] = 0.0);
         let others = self.w.iter().any(|z| *z != 0.0);
-        let (mut matrix, mut d) = (DMatrix::identity(m, m), DVector::zeros(m));
-        let mut at = 0;
+        let mut d = Vec::with_capacity(m);
         for (block, own) in map.blocks.iter().zip(&self.blocks).filter(|(_, own)| own.is_active()) {
             let (i, count) = (block.row, block.constraint.rows());
             let pushed = |k: usize| if others && k < count { map.response.velocity(i + k, &self.w) } else { 0.0 };
             let known = own.z - own.x * Vector3::new(pushed(0), pushed(1), pushed(2));
-            d.rows_mut(at, count).copy_from(&known.rows(0, count));
+            let at = d.len();
+            d.extend_from_slice(&known.as_slice()[..count]);
             let h = |k: usize| &rows.as_slice()[(i + k) * n..(i + k + 1) * n];
             if count == 3 {
                 let [x, y, z] = [h(0), h(1), h(2)];
-                for (column, &j) in matrix.as_mut_slice().chunks_exact_mut(m).zip(active) {
+                for (column, &j) in self.matrix.chunks_exact_mut(m).zip(active) {
                     let column = &mut column[at..at + 3];
                     let moved = own.x * Vector3::new(x[j], y[j], z[j]);
                     column.iter_mut().zip(&moved).for_each(|(entry, moved)| *entry += moved);
                 }
             } else {
                 let x = h(0);
-                let columns = matrix.as_mut_slice().chunks_exact_mut(m).zip(active);
+                let columns = self.matrix.chunks_exact_mut(m).zip(active);
                 columns.for_each(|(column, &j)| column[at] += own.x[(0, 0)] * x[j]);
             }
-            at += count;
         }
-        elimination::solve(matrix.as_mut_slice(), d.as_mut_slice()).then_some(())?;
+        elimination::solve(&mut self.matrix, &mut d).then_some(())?;
         active.iter().zip(&d).for_each(|(&i, d)| self.step[i] = *d);
         Some(())
     }
+}
+
+/// The columns of the identity of n × n.
+fn identity(n: usize, matrix: &mut Vec<f64>) {
+    matrix.clear();
+    matrix.resize(n * n, 0.0);
+    (0..n).for_each(|k| matrix[k * (n + 1)] = 1.0);
 }
 
 /// X and z of one constraint, by the table at the head of this module.
@@ -202,6 +216,8 @@ fn eliminated(block: &Block, at: &Point, share: f64) -> Eliminated {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::DMatrix;
+
     use super::super::SeveralProblem;
     use super::super::response::Response;
     use super::*;

@@ -39,12 +39,7 @@ const MOST: f64 = 100.0;
 pub(super) fn solve_patiently(problem: &SeveralProblem, accuracy: &Accuracy, start: Option<&DVector<f64>>) -> Found {
     let whole = Response::whole(&problem.delassus, problem.gram);
     let mut map = NaturalMap::new(problem, &whole);
-    let mut at = Point::new(&map);
-    if let Some(start) = start {
-        at.p.copy_from(start);
-        map.admissible(&mut at.p);
-    }
-    map.evaluate(&mut at);
+    let mut at = map.at(start);
     let mut left = accuracy.max_iterations;
     // One sweep solves constraints that hardly act on each other, before anything is factored.
     if start.is_none() && map.residual(&at.f) > accuracy.tolerance && left > 0 {
@@ -58,33 +53,32 @@ pub(super) fn solve_patiently(problem: &SeveralProblem, accuracy: &Accuracy, sta
     }
     let rest = |left| Accuracy { max_iterations: left, ..*accuracy };
     let thin = if problem.gram { Response::thin(&problem.delassus) } else { None };
-    map.response = thin.as_ref().unwrap_or(&whole);
-    let mut found = from_starts(&map, &rest(left), &at.p);
-    left -= found.iterations;
-    // The law holds for H itself, not for its factors.
-    map.response = &whole;
-    at.p.copy_from(&found.impulse);
-    map.admissible(&mut at.p);
-    map.evaluate(&mut at);
-    let residual = map.residual(&at.f);
-    if found.residual <= accuracy.tolerance && residual > accuracy.tolerance {
-        found = from_starts(&map, &rest(left), &at.p);
+    if let Some(thin) = &thin {
+        map.response = thin;
+        let found = from_starts(&map, &rest(left), map.at(Some(&at.p)));
         left -= found.iterations;
-        return Found { iterations: done(left), ..found };
+        // The law holds for H itself, not for its factors.
+        map.response = &whole;
+        at = map.at(Some(&found.impulse));
+        let residual = map.residual(&at.f);
+        if found.residual > accuracy.tolerance || residual <= accuracy.tolerance {
+            return Found { impulse: at.p, residual, iterations: done(left) };
+        }
     }
-    Found { impulse: at.p, residual, iterations: done(left) }
+    let found = from_starts(&map, &rest(left), at);
+    Found { iterations: done(left - found.iterations), ..found }
 }
 
-fn from_starts(map: &NaturalMap, accuracy: &Accuracy, start: &DVector<f64>) -> Found {
+fn from_starts(map: &NaturalMap, accuracy: &Accuracy, start: Point) -> Found {
     let whole = accuracy.max_iterations;
     let mut left = whole;
-    let mut run = |map: &NaturalMap, start: Option<&DVector<f64>>, most: usize| {
+    let mut run = |map: &NaturalMap, start: Point, most: usize| {
         let found = solve(map, &Accuracy { max_iterations: most.max(1).min(left), ..*accuracy }, start);
         // At least one is counted, so that the loops end.
         left -= found.iterations.max(1).min(left);
         (found, left)
     };
-    let (mut best, mut left) = run(map, Some(start), whole / SHORT);
+    let (mut best, mut left) = run(map, start, whole / SHORT);
     let better = |found: &Found, best: &Found| {
         found.residual <= accuracy.tolerance
             || map.cost(found.residual, &found.impulse) < map.cost(best.residual, &best.impulse)
@@ -92,12 +86,13 @@ fn from_starts(map: &NaturalMap, accuracy: &Accuracy, start: &DVector<f64>) -> F
     let (mut p, mut share) = (DVector::zeros(best.impulse.len()), FIRST_SHARE);
     while best.residual > accuracy.tolerance && left > whole / SHARE && share <= MOST {
         let mut found;
-        (found, left) = run(&map.regularised(share, &p), Some(&p), whole / SHORT);
+        let near = map.regularised(share, &p);
+        (found, left) = run(&near, near.at(Some(&p)), whole / SHORT);
         let is_solved = found.residual <= accuracy.tolerance.max(SOLVED);
         share *= FACTORS[usize::from(!is_solved)];
         if is_solved {
             p = found.impulse;
-            (found, left) = run(map, Some(&p), STEPS);
+            (found, left) = run(map, map.at(Some(&p)), STEPS);
             if better(&found, &best) {
                 best = found;
             }
@@ -110,7 +105,10 @@ fn from_starts(map: &NaturalMap, accuracy: &Accuracy, start: &DVector<f64>) -> F
         }
         let size = best.impulse.amax();
         let start = match attempt {
-            0 => run(&map.with_friction(0.0), None, whole / SHARE).0.impulse,
+            0 => {
+                let smooth = map.with_friction(0.0);
+                run(&smooth, smooth.at(None), whole / SHARE).0.impulse
+            }
             1 => &best.impulse * 10.0,
             _ => {
                 let size = size * 10.0_f64.powi((attempt % 4) as i32);
@@ -118,7 +116,7 @@ fn from_starts(map: &NaturalMap, accuracy: &Accuracy, start: &DVector<f64>) -> F
             }
         };
         let found;
-        (found, left) = run(map, Some(&start), whole / SHARE);
+        (found, left) = run(map, map.at(Some(&start)), whole / SHARE);
         if better(&found, &best) {
             best = found;
         }

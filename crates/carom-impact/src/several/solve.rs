@@ -36,19 +36,11 @@ pub(super) struct Found {
     pub iterations: usize,
 }
 
-/// From one start, or from zero impulses.
-pub(super) fn solve(map: &NaturalMap, accuracy: &Accuracy, start: Option<&DVector<f64>>) -> Found {
+/// From one start.
+pub(super) fn solve(map: &NaturalMap, accuracy: &Accuracy, mut at: Point) -> Found {
     let mut search = Search::new(map, accuracy);
-    let mut at = Point::new(map);
-    if let Some(start) = start {
-        at.p.copy_from(start);
-        map.admissible(&mut at.p);
-    }
-    map.evaluate(&mut at);
     search.keep(map, &at);
-    if start.is_some() {
-        search.newton(map, &at);
-    }
+    search.newton(map, &at);
     let mut sweeps = FIRST_SWEEPS;
     while search.goes_on() {
         for _ in 0..sweeps {
@@ -124,9 +116,13 @@ impl<'a> Search<'a> {
         if !self.goes_on() {
             return;
         }
-        let new = || Attempt { here: at.clone(), next: at.clone(), newton: Newton::new(map), moved: at.y.clone() };
-        let mut attempt = self.newton.take().unwrap_or_else(new);
-        attempt.here.clone_from(at);
+        let mut attempt = match self.newton.take() {
+            Some(mut attempt) => {
+                attempt.here.clone_from(at);
+                attempt
+            }
+            None => Attempt { here: at.clone(), next: Point::new(map), newton: Newton::new(map), moved: at.y.clone() },
+        };
         let mut sizes = [0.0_f64; RECENT];
         for step in 0..NEWTON_STEPS {
             let size = attempt.here.f.norm();

@@ -82,18 +82,25 @@ impl SeveralProblem {
         let loads = SOLVED * impulse.amax();
         let slips = SLIPS * self.u_minus.amax().max(self.u_free.amax());
         // The rows that are held; the columns of the directions of impulses.
+        let slip = |row: usize| u_plus[row].hypot(u_plus[row + 1]);
+        let slides = |row: usize, friction: f64| impulse[row + 2] > loads && friction > 0.0 && slip(row) > slips;
+        let any = |(row, constraint): (usize, &Constraint)| match *constraint {
+            Constraint::Contact { friction, .. } => slides(row, friction),
+            _ => false,
+        };
+        if !self.rows().any(any) {
+            return false;
+        }
         let n = impulse.len();
-        let (mut held, mut along, mut slides) = (Vec::with_capacity(n), Vec::with_capacity(n), 0);
+        let (mut held, mut along) = (Vec::with_capacity(n), Vec::with_capacity(n));
         for (row, constraint) in self.rows() {
             let unit = |k: usize| [(k, 1.0), (k, 0.0), (k, 0.0)];
             match *constraint {
                 Constraint::Contact { friction, .. } if impulse[row + 2] > loads => {
-                    let slip = u_plus[row].hypot(u_plus[row + 1]);
                     held.push(row + 2);
-                    if slip > slips && friction > 0.0 {
-                        let [x, y] = [row, row + 1].map(|k| (k, -friction * u_plus[k] / slip));
+                    if slides(row, friction) {
+                        let [x, y] = [row, row + 1].map(|k| (k, -friction * u_plus[k] / slip(row)));
                         along.push([(row + 2, 1.0), x, y]);
-                        slides += 1;
                     } else {
                         along.push(unit(row + 2));
                         if friction > 0.0 {
@@ -118,7 +125,7 @@ impl SeveralProblem {
             }
         }
         let m = held.len();
-        if slides == 0 || m < 2 {
+        if m < 2 {
             return false;
         }
         let h = &self.delassus;
