@@ -1,6 +1,6 @@
 //! Linear equations by Gauss's elimination with partial pivoting.
 //!
-//! Of the matrices here, of 3 to some 50 rows, nalgebra's decomposition takes up to ten times as long.
+//! Most matrices here have 3 to 30 rows. At 12 rows nalgebra's decomposition takes 13 000 instructions, and this 7 400 (callgrind).
 
 /// Solves A x = b. `matrix`: the columns of A one after another, which are overwritten, as is b, by x. False if a pivot is zero.
 pub(super) fn solve(matrix: &mut [f64], b: &mut [f64]) -> bool {
@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn singular_and_infinite_matrices_are_refused() {
+    fn singular_matrices_and_those_with_nan_are_refused() {
         for entries in [[1.0, 2.0, 2.0, 4.0], [0.0; 4], [f64::NAN, 1.0, 1.0, 1.0]] {
             assert!(!super::solve(&mut entries.clone(), &mut [1.0, 1.0]), "{entries:?}");
         }
