@@ -5,7 +5,7 @@ use carom_contact::Obstacle;
 use carom_sim::{ContactMode, EventKind, Simulation};
 use carom_testing::build::{O, Part, X, Y, Z, along, ball, chain, floating_box, in_plane, shape};
 use carom_testing::scenes::{G, among, half_space, newton, on_floor, rule, surface};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
 fn slope(angle: f64) -> Obstacle {
     half_space([0.0; 3], [angle.sin(), 0.0, angle.cos()])
@@ -179,6 +179,40 @@ fn a_jammed_rod_has_an_impact_without_collision() {
         assert!(run.summary.energy.end < run.summary.energy.start + 1e-9);
     }
     assert_eq!(jammed, 1);
+}
+
+/// A ball on three sliders that are not at right angles: K = A M⁻¹ Aᵀ with the axes as the columns of A. Its slip begins at an angle to
+/// K e₃ that is a little too wide for friction to jam, C − μ h·u > 0. On one side friction turns it until it does: at once the impulse
+/// K⁻¹(0 − u) stops the ball. On the other side friction turns it away, and it slides on.
+#[test]
+fn slip_that_turns_into_a_jam_is_stopped_by_an_impact() {
+    let axes =
+        [[-0.52, 0.76, -0.38], [0.69, 0.72, 0.03], [0.83, 0.29, 0.47]].map(|axis| Vector3::from(axis).normalize());
+    let (masses, mu, slip) = ([0.14, 1.03, 0.08], 1.0, 0.01);
+    let a = Matrix3::from_columns(&axes);
+    // What a slider moves is beyond it.
+    let m = Matrix3::from_fn(|i, j| masses[i.max(j)..].iter().sum::<f64>() * axes[i].dot(&axes[j]));
+    let k = a * m.try_inverse().unwrap() * a.transpose();
+    let h = Vector3::new(k[(0, 2)], k[(1, 2)], 0.0);
+    let jam = (k[(2, 2)] / (mu * h.norm())).acos();
+    let names = ["base", "a", "b", "c"];
+    let parts = [0, 1, 2].map(|i| {
+        let part = Part::slider(names[i + 1], names[i], axes[i].into()).weighing(masses[i], [1.0; 3]);
+        if i == 2 { part.shaped(&ball(0.1)) } else { part }
+    });
+    let sim = simulation(chain(&parts), half_space([0.0, 0.0, -0.1], Z), "energetic", 0.0, mu);
+    for (side, beyond) in [(1.0, 1e-6), (1.0, 3e-5), (-1.0, 1e-6), (-1.0, 3e-5)] {
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), side * (jam + beyond));
+        let u = turn * h.normalize() * slip;
+        let qd = a.try_inverse().unwrap() * u;
+        let run = sim.run(&[0.0; 3], qd.as_slice(), 0.01).unwrap();
+        assert_eq!(run.summary.statistics.contact_steps, 0, "{side} {beyond}: {:?}", run.events);
+        let impulse: Vector3<f64> = run.events.iter().flat_map(|event| &event.impulses).map(|one| one.impulse).sum();
+        let stop = -k.try_inverse().unwrap() * u;
+        // The approach from which the limit is taken, 1e-9 of the scene's speed, is 1e-7 of the slip.
+        let error = if side < 0.0 { (impulse - stop).norm() } else { 1e-3 * impulse.norm() };
+        assert!(error < 1e-6 * stop.norm(), "{side} {beyond}: {impulse:?} for {stop:?}");
+    }
 }
 
 /// The same rod beside a ball at rest on the same floor. Its lower end slides at 1 m/s; in one direction no

@@ -104,15 +104,21 @@ impl<A: Space> Motion<'_, A> {
         Ok(true)
     }
 
-    /// Positive while the present mode has admissible forces: whether the complementarity problem keeps all its contacts closed
-    /// and at rest.
+    /// Positive while the present mode has admissible forces: whether the complementarity problem keeps all its contacts closed,
+    /// and those that stick at rest.
     pub fn margin(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
         let lasting = self.active.lasting.clone();
         let mut found = Assembled::new(self.sim.chain.nv());
         let start = self.margin_forces.take();
         let solved = self.complementarity((time, y), &lasting, &mut found, start.as_ref())?;
-        // The rows of contacts at rest and the normal rows of the others.
-        let margin = solved.as_ref().map_or(-1.0, |found| 10.0 * EQUAL - found.acceleration.amax() / found.scale[0]);
+        // All rows but the tangential ones of contacts whose slip begins.
+        let starts = lasting.iter().filter(|own| own.is_rigid()).zip(&found.constraints.contacts);
+        let starts = starts.filter(|(own, _)| matches!(own.hold, Hold::Starts { .. }));
+        let slips: Vec<Range<usize>> = starts.map(|(_, it)| it.rows.start..it.rows.end.saturating_sub(1)).collect();
+        let margin = solved.as_ref().map_or(-1.0, |found| {
+            let rows = found.acceleration.iter().enumerate().filter(|(i, _)| !slips.iter().any(|own| own.contains(i)));
+            10.0 * EQUAL - rows.fold(0.0, |most: f64, (_, a)| most.max(a.abs())) / found.scale[0]
+        });
         self.margin_forces = solved.map(|solution| solution.force);
         Ok(margin)
     }
@@ -276,6 +282,49 @@ impl<A: Space> Motion<'_, A> {
             if a.abs() > accelerations {
                 self.active.dry[k].state = Dry::Brakes(-force.signum());
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::{ContactRule, Surface, Touch};
+    use crate::model::Simulation;
+    use carom_chain::urdf::LoadOptions;
+    use carom_chain::{Chain, Spatial};
+    use carom_contact::Obstacle;
+    use carom_impact::Newton;
+
+    /// A box on its four corners begins to slide down a slope: its corners stay closed under forces that push, and no more is asked of
+    /// contacts whose slip begins. On a slope that friction holds they stick, and in a mode that lets nothing slide the slope is too steep.
+    #[test]
+    fn the_margin_of_a_mode_is_positive_where_its_slip_begins() {
+        let text = "<robot name='box'><link name='body'><inertial><mass value='2'/>
+            <inertia ixx='0.1' ixy='0' ixz='0' iyy='0.1' iyz='0' izz='0.1'/></inertial>
+            <collision><geometry><box size='0.4 0.3 0.2'/></geometry></collision></link></robot>";
+        let chain = Chain::from_urdf_str(text, &LoadOptions { floating_base: true, ..Default::default() }).unwrap();
+        let contact = ContactRule::new(Newton { restitution: 0.0, friction: 0.5 });
+        let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+        let floor = Surface { name: "floor".into(), obstacle, contact, motion: None };
+        let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
+        let lower =
+            |touch: &Touch| ["corner 1", "corner 2", "corner 3", "corner 4"].iter().any(|it| touch.name.ends_with(it));
+        let y = [&[0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0][..], &[0.0; 8]].concat();
+        for (steep, slides) in [(0.3, false), (0.8, true)] {
+            let gravity = Vector3::new(0.6 * steep, 0.8 * steep, -1.0) * 9.81;
+            let sim = Simulation { gravity, ..Simulation::new(chain.clone(), touches.clone()) };
+            let mut motion = Motion::<Spatial<f64>>::new(&sim, &sim.chain);
+            motion.measure(0.0, &y);
+            let closed = (0..sim.touches.len()).filter(|&k| lower(&sim.touches[k]));
+            let candidates: Vec<Candidate> = closed.map(|touch| Candidate { touch, slip: None, kept: None }).collect();
+            let mut there = y.clone();
+            assert!(motion.select(&candidates, 0.0, &mut there).unwrap());
+            let starts = motion.active.lasting.iter().filter(|own| matches!(own.hold, Hold::Starts { .. })).count();
+            assert_eq!((starts > 0, motion.active.lasting.len() >= 3), (slides, true), "{:?}", motion.active.lasting);
+            assert!(motion.margin(0.0, &y).unwrap() > 0.0, "{steep}");
+            motion.active.lasting.iter_mut().for_each(|own| own.hold = Hold::Sticks);
+            assert_eq!(motion.margin(0.0, &y).unwrap() > 0.0, !slides, "{steep}");
         }
     }
 }

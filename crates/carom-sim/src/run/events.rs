@@ -156,9 +156,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             Ending::Stuck(reason) => {
                 // Several slips that end together turn before the first of them is zero: those below the error have ended.
                 let (before, events) = (self.y.clone(), self.history.events);
-                if reason == StepReason::Stiff {
-                    self.resettle(None, &[], &before)?;
-                }
+                self.resettle(None, &[], &before)?;
                 if self.history.events == events { self.no_mode(reason) } else { Ok(()) }
             }
         }

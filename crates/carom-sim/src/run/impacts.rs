@@ -19,11 +19,11 @@ use super::trajectory::{EventKind, StepReason};
 use crate::contact::{SeveralLaw, friction_bound};
 use crate::error::SimError;
 use crate::impact::ChainImpact;
-use crate::motion::{Candidate, Hold, Lasting, Motion, Near, direction_of_slip, push};
+use crate::motion::{Candidate, Hold, Lasting, Motion, Near, Scale, direction_of_slip, push};
 use crate::state::{CLEAR, ContactImpulse, EQUAL, EXACT, ROUNDING, Space};
 use carom_chain::algebra::z_onto;
 use carom_contact::Met;
-use carom_impact::{Flags, Frictionless, ImpactProblem, Law};
+use carom_impact::{Frictionless, ImpactProblem, Law};
 use nalgebra::Vector3;
 
 /// A touch after an impact.
@@ -481,7 +481,7 @@ impl<A: Space> Run<'_, '_, A> {
     }
 
     /// An impact without collision (Painlevé): the limit of the law's outcome for a vanishing approach velocity, for a single
-    /// closed contact that slides and jams. `false` if there is none.
+    /// closed contact that slides and jams, or whose slip turns into a jam. `false` if there is none.
     fn without_collision(&mut self, touch: usize) -> Result<bool, SimError> {
         let rest = self.motion.rest();
         let (sim, time) = (self.motion.sim, self.time);
@@ -494,18 +494,26 @@ impl<A: Space> Run<'_, '_, A> {
         let (_, _, u) = self.motion.closing(touch, &q, &qd, time)?;
         let mut view = self.motion.view(&q)?;
         let Some(place) = one.at(&view, &q, time).surface else { return Ok(false) };
-        if direction_of_slip(u, place.normal, rest).is_none() {
+        let ended = direction_of_slip(u, place.normal, rest).is_none();
+        if ended || self.history.count(Class::Jam, time) == Some(0.0) {
             return Ok(false);
         }
         let Some((delassus, response)) = place.inertia(&mut view)? else { return Ok(false) };
         let axes = z_onto(place.normal);
         let mut along = axes.transpose() * u;
         along.z = 0.0;
-        let problem = ImpactProblem::from_gram(axes.transpose() * delassus * axes, along)?;
-        let Ok(branches) = one.contact.law.branches(&problem) else { return Ok(false) };
-        let jams = |hit: &&carom_impact::ImpactOutcome<f64, 3>| hit.flags.contains(Flags::JAM) && hit.impulse.z > 0.0;
-        let Some(outcome) = branches.iter().find(jams) else { return Ok(false) };
-        let hit = ChainImpact::of_outcome(*outcome, &axes, &response, &qd);
+        let gram = axes.transpose() * delassus * axes;
+        // A slip that turns into a jam reaches it by a finite impulse in no time: it is as near as an approach that is a tie.
+        let Scale { length, pace, .. } = self.motion.scale;
+        let tie = EQUAL * along.norm().max(length * pace);
+        let least = CLEAR * along.norm();
+        let mut hits = [0.0, tie].into_iter().flat_map(|approach| {
+            along.z = -approach;
+            let problem = ImpactProblem::from_gram(gram, along);
+            problem.and_then(|problem| one.contact.law.branches(&problem)).unwrap_or_default()
+        });
+        let Some(outcome) = hits.find(|hit| hit.impulse.z * gram[(2, 2)] > least) else { return Ok(false) };
+        let hit = ChainImpact::of_outcome(outcome, &axes, &response, &qd);
         let qd_plus = hit.qd_plus.clone();
         self.book_single((touch, place.position), hit, &qd_plus, Vec::new())?;
         self.after(&[Struck { touch, approach: 0.0 }], rest, &before)?;
