@@ -59,7 +59,7 @@ pub(crate) enum Class {
     Impact,
     /// A normal force is zero, and its contact is chosen again with the same mode.
     NormalForce,
-    /// An impact without collision of several contacts.
+    /// An impact without collision.
     Jam,
 }
 
