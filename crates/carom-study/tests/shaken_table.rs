@@ -225,3 +225,19 @@ fn at_a_flip_a_branch_of_twice_the_period_begins_to_which_cycles_converge() {
     let error = again.doubled(&doubled).err().unwrap().to_string();
     assert!(error.contains("the branch of 2 passages has no flip"), "{error}");
 }
+
+/// Over two periods a flip of the map is a multiplier that passes +1 while the branch goes on: where the branch of twice the period
+/// crosses it. An elastic ball has the product 1 of its multipliers everywhere: its pairs stay on the unit circle.
+#[test]
+fn a_flip_is_a_branch_point_over_two_periods_and_elastic_pairs_pass_nothing() {
+    for e in [0.5_f64, 0.8] {
+        let [fold, flip] = fold_and_flip(e);
+        let twice = shaken(e, 0.6 * fold + 0.4 * flip, 1.05 * flip, 2).unwrap().branch().unwrap();
+        let kinds: Vec<_> = twice.special.iter().map(|it| it.kind).collect();
+        assert_eq!(kinds, ["branch-point"], "{:?}", twice.special);
+        // Near it the equations of the orbit are nearly singular: orbits have the square root of the error of the map.
+        close("branch point", twice.special[0].parameter, flip, 1e-5);
+    }
+    let elastic = shaken(1.0, 0.4, 0.99, 1).unwrap().branch().unwrap();
+    assert!(elastic.points.len() > 10 && elastic.special.is_empty(), "{:?}", elastic.special);
+}

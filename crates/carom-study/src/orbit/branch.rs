@@ -14,6 +14,7 @@
 //! | special point | function | meaning |
 //! | --- | --- | --- |
 //! | `fold` | the component of t along π | a multiplier is +1: the branch turns back |
+//! | `branch-point` | det of G above tᵀ | a multiplier is +1, and the branch goes on: another branch crosses it |
 //! | `flip` | det(DP + 1) | a multiplier is −1: an orbit of twice the period begins |
 //! | `neimark-sacker` | the largest |μ| − 1 of complex pairs | a complex pair has the size 1 |
 //! | `grazing` | – | an impact appears or vanishes |
@@ -29,7 +30,7 @@
 use super::newton::{Look, STEPS, difference};
 use super::problem::{Problem, Section, Timed, Vary};
 use super::return_map::Period;
-use super::{Happened, Orbit, OrbitError, State};
+use super::{Happened, NEUTRAL, Orbit, OrbitError, State};
 use carom_impact::least_norm;
 use carom_sim::Moment;
 use nalgebra::{Complex, DMatrix, DVector};
@@ -67,7 +68,7 @@ pub struct Point {
 /// A special point of a branch.
 #[derive(Debug, Clone, Serialize)]
 pub struct Special {
-    /// `fold`, `flip`, `neimark-sacker`; `grazing`, `sticking`, `sliding`, `accumulation`, `events`: how the events change; `section`: it has
+    /// `fold`, `branch-point`, `flip`, `neimark-sacker`; `grazing`, `sticking`, `sliding`, `accumulation`, `events`: how the events change; `section`: it has
     /// moved.
     pub kind: &'static str,
     /// Value of the parameter.
@@ -87,6 +88,7 @@ struct Place {
     plan: Timed,
     look: Look,
     direction: DVector<f64>,
+    branching: f64,
     flip: f64,
     torus: f64,
 }
@@ -372,9 +374,12 @@ impl Problem {
         unknown.iter().enumerate().for_each(|(i, k)| direction[*k] = null[i]);
         direction[n] = null[m];
         direction /= direction.norm();
+        unknown.iter().enumerate().for_each(|(i, k)| bordered[(m, i)] = direction[*k]);
+        bordered[(m, m)] = direction[n];
+        let branching = bordered.determinant();
         let flip = (self.returning(&look.found.by_state) + DMatrix::identity(m, m)).determinant();
         let torus = torus(&self.multipliers(&look.found.by_state));
-        Place { value, plan, look, direction, flip, torus }
+        Place { value, plan, look, direction, branching, flip, torus }
     }
 
     /// G, without the rows and columns of `modulo` coordinates.
@@ -457,13 +462,16 @@ impl Problem {
             return;
         }
         type Test = (&'static str, fn(&Place) -> f64, &'static str);
-        let functions: [Test; 3] = [
+        let functions: [Test; 4] = [
             ("fold", |place| place.direction[place.look.r.len()], "a multiplier passes +1, and the branch turns back"),
+            ("branch-point", |place| place.branching, "a multiplier passes +1, and another branch crosses this one"),
             ("flip", |place| place.flip, "a multiplier passes -1: an orbit of twice the period begins"),
             ("neimark-sacker", |place| place.torus, "a complex pair of multipliers passes the unit circle"),
         ];
         for (kind, function, what) in functions {
-            if function(here) * function(there) < 0.0 {
+            let (before, now) = (function(here), function(there));
+            // A function that is zero along the branch changes its sign by rounding: the pairs of a motion without loss.
+            if before * now < 0.0 && before.abs().min(now.abs()) > NEUTRAL {
                 let value = self.between(vary, (here, there), step, |place| function(place) * function(here).signum());
                 // A function that jumps has no zero: a complex pair that becomes real.
                 if let Some(value) = value {
@@ -481,7 +489,7 @@ impl Problem {
         step: f64,
         function: impl Fn(&Place) -> f64,
     ) -> Option<f64> {
-        let at = |s: f64| self.next(vary, here, s).ok().map(|(place, _)| (function(&place), place.value));
+        let at = |s: f64| self.next(vary, here, s).ok().map(|(place, _)| (s, function(&place), place.value));
         let (mut low, mut high) = ((0.0, function(here), here.value), (step, function(there), there.value));
         for k in 0..STEPS {
             if high.0 - low.0 <= LOCATED {
@@ -491,7 +499,8 @@ impl Problem {
             let secant = low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1);
             let middle = 0.5 * (low.0 + high.0);
             let s = if k % 3 == 2 || !(secant > low.0 && secant < high.0) { middle } else { secant };
-            let Some((value, parameter)) = at(s) else { break };
+            // The correction of a branch point itself has a singular matrix.
+            let Some((s, value, parameter)) = at(s).or_else(|| at(middle)) else { break };
             if value == 0.0 {
                 return Some(parameter);
             }

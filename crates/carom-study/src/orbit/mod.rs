@@ -86,6 +86,9 @@ impl Orbit {
     }
 }
 
+/// A multiplier whose size differs from 1 by less counts as one of size 1; multipliers are accurate to about 1e-8.
+const NEUTRAL: f64 = 1e-6;
+
 /// Stability of an orbit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -109,11 +112,9 @@ impl Stability {
     }
 
     fn of(multipliers: &[Complex<f64>]) -> Self {
-        /// Multipliers are accurate to about 1e-8.
-        const CLOSE: f64 = 1e-6;
         match multipliers.first().map_or(0.0, |largest| largest.norm()) {
-            most if most > 1.0 + CLOSE => Self::Unstable,
-            most if most < 1.0 - CLOSE => Self::Stable,
+            most if most > 1.0 + NEUTRAL => Self::Unstable,
+            most if most < 1.0 - NEUTRAL => Self::Stable,
             _ => Self::Neutral,
         }
     }
