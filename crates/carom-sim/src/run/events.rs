@@ -154,7 +154,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 self.resettle(None, &[], &before)
             }
             Ending::Stuck(reason) => {
-                // Several slips that end together turn before the first of them is zero: those below the error have ended.
+                // Slips that end together, or where friction jams, turn before the first of them is zero: those below the error have ended.
                 let (before, events) = (self.y.clone(), self.history.events);
                 self.resettle(None, &[], &before)?;
                 if self.history.events == events { self.no_mode(reason) } else { Ok(()) }

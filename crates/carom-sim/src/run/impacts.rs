@@ -23,7 +23,7 @@ use crate::motion::{Candidate, Hold, Lasting, Motion, Near, Scale, direction_of_
 use crate::state::{CLEAR, ContactImpulse, EQUAL, EXACT, ROUNDING, Space};
 use carom_chain::algebra::z_onto;
 use carom_contact::Met;
-use carom_impact::{Frictionless, ImpactProblem, Law};
+use carom_impact::{Flags, Frictionless, ImpactOutcome, ImpactProblem, Law};
 use nalgebra::Vector3;
 
 /// A touch after an impact.
@@ -503,16 +503,21 @@ impl<A: Space> Run<'_, '_, A> {
         let mut along = axes.transpose() * u;
         along.z = 0.0;
         let gram = axes.transpose() * delassus * axes;
-        // A slip that turns into a jam reaches it by a finite impulse in no time: it is as near as an approach that is a tie.
+        // A slip that turns into a jam reaches it by a finite impulse in no time: it is as near as an approach that is a tie, to which the
+        // impulse has to be large.
         let Scale { length, pace, .. } = self.motion.scale;
         let tie = EQUAL * along.norm().max(length * pace);
-        let least = CLEAR * along.norm();
         let mut hits = [0.0, tie].into_iter().flat_map(|approach| {
             along.z = -approach;
             let problem = ImpactProblem::from_gram(gram, along);
             problem.and_then(|problem| one.contact.law.branches(&problem)).unwrap_or_default()
         });
-        let Some(outcome) = hits.find(|hit| hit.impulse.z * gram[(2, 2)] > least) else { return Ok(false) };
+        let is_finite = |hit: &ImpactOutcome<f64, 3>| {
+            let approach = -hit.u_minus.z;
+            (approach > 0.0 || hit.flags.contains(Flags::JAM))
+                && EQUAL * hit.impulse.z * gram[(2, 2)] > CLEAR * approach
+        };
+        let Some(outcome) = hits.find(is_finite) else { return Ok(false) };
         let hit = ChainImpact::of_outcome(outcome, &axes, &response, &qd);
         let qd_plus = hit.qd_plus.clone();
         self.book_single((touch, place.position), hit, &qd_plus, Vec::new())?;

@@ -68,8 +68,8 @@ pub struct Point {
 /// A special point of a branch.
 #[derive(Debug, Clone, Serialize)]
 pub struct Special {
-    /// `fold`, `branch-point`, `flip`, `neimark-sacker`; `grazing`, `sticking`, `sliding`, `accumulation`, `events`: how the events change; `section`: it has
-    /// moved.
+    /// `fold`, `branch-point`, `flip`, `neimark-sacker`; `grazing`, `sticking`, `sliding`, `accumulation`, `events`: how the events change;
+    /// `section`: it has moved.
     pub kind: &'static str,
     /// Value of the parameter.
     pub parameter: f64,
@@ -364,19 +364,16 @@ impl Problem {
         let unknown = self.unknown(n);
         let m = unknown.len();
         // Bordered by the direction before, G has full rank also at a fold.
-        let mut bordered = self.extended(vary, &look, &unknown).insert_row(m, 0.0);
-        unknown.iter().enumerate().for_each(|(i, k)| bordered[(m, i)] = before[*k]);
-        bordered[(m, m)] = before[n];
+        let extended = self.extended(vary, &look, &unknown);
+        let matrix = bordered(extended.clone(), &unknown, before);
         let mut right = DVector::zeros(m + 1);
         right[m] = 1.0;
-        let null = least_norm(&bordered, &right, f64::EPSILON);
+        let null = least_norm(&matrix, &right, f64::EPSILON);
         let mut direction = DVector::zeros(n + 1);
         unknown.iter().enumerate().for_each(|(i, k)| direction[*k] = null[i]);
         direction[n] = null[m];
         direction /= direction.norm();
-        unknown.iter().enumerate().for_each(|(i, k)| bordered[(m, i)] = direction[*k]);
-        bordered[(m, m)] = direction[n];
-        let branching = bordered.determinant();
+        let branching = bordered(extended, &unknown, &direction).determinant();
         let flip = (self.returning(&look.found.by_state) + DMatrix::identity(m, m)).determinant();
         let torus = torus(&self.multipliers(&look.found.by_state));
         Place { value, plan, look, direction, branching, flip, torus }
@@ -412,9 +409,7 @@ impl Problem {
                 return Err(OrbitError::NotConverged { iterations: iteration, residual: look.size });
             }
             last = look.size;
-            let mut matrix = self.extended(vary, &look, &unknown).insert_row(m, 0.0);
-            unknown.iter().enumerate().for_each(|(i, k)| matrix[(m, i)] = here.direction[*k]);
-            matrix[(m, m)] = here.direction[n];
+            let matrix = bordered(self.extended(vary, &look, &unknown), &unknown, &here.direction);
             let mut right = DVector::zeros(m + 1);
             unknown.iter().enumerate().for_each(|(i, k)| right[i] = -look.r[*k]);
             // Beside the constraint of the step: the distance that is left along the direction.
@@ -469,10 +464,10 @@ impl Problem {
             ("neimark-sacker", |place| place.torus, "a complex pair of multipliers passes the unit circle"),
         ];
         for (kind, function, what) in functions {
-            let (before, now) = (function(here), function(there));
+            let (from, to) = (function(here), function(there));
             // A function that is zero along the branch changes its sign by rounding: the pairs of a motion without loss.
-            if before * now < 0.0 && before.abs().min(now.abs()) > NEUTRAL {
-                let value = self.between(vary, (here, there), step, |place| function(place) * function(here).signum());
+            if from * to < 0.0 && from.abs().min(to.abs()) > NEUTRAL {
+                let value = self.between(vary, (here, there), step, |place| function(place) * from.signum());
                 // A function that jumps has no zero: a complex pair that becomes real.
                 if let Some(value) = value {
                     add(kind, value, what.into());
@@ -523,6 +518,15 @@ impl Problem {
         }
         value
     }
+}
+
+/// G with the components of a direction as its last row.
+fn bordered(g: DMatrix<f64>, unknown: &[usize], direction: &DVector<f64>) -> DMatrix<f64> {
+    let m = unknown.len();
+    let mut matrix = g.insert_row(m, 0.0);
+    unknown.iter().enumerate().for_each(|(i, k)| matrix[(m, i)] = direction[*k]);
+    matrix[(m, m)] = direction[direction.len() - 1];
+    matrix
 }
 
 /// The sequence of events of an orbit.
