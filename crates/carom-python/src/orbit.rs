@@ -22,11 +22,15 @@ pub(crate) enum Given {
 }
 
 impl Given {
-    pub(crate) fn of(problem: &Bound<'_, PyAny>, folder: PathBuf) -> PyResult<Self> {
+    /// `folder`: that of the file names in a dict, by default the working folder.
+    pub(crate) fn of(problem: &Bound<'_, PyAny>, folder: Option<PathBuf>) -> PyResult<Self> {
         if problem.is_instance_of::<PyMapping>() {
-            return Ok(Self::Text(toml_text(problem)?, folder));
+            return Ok(Self::Text(toml_text(problem)?, folder.unwrap_or_else(|| ".".into())));
         }
         match problem.extract::<PathBuf>() {
+            Ok(_) if folder.is_some() => Err(PyValueError::new_err(
+                "folder: it is for the file names in a dict; those in a problem file are relative to the folder of this file: leave it out",
+            )),
             Ok(path) => Ok(Self::File(path)),
             Err(_) => Err(PyTypeError::new_err("problem is neither a path nor a dict")),
         }
@@ -48,7 +52,7 @@ impl Given {
 ///     problem: path of a problem file, or its keys as a dict; the page "Find periodic orbits" of the manual lists them.
 ///     branch: follow the orbit over the parameter of ``vary``.
 ///     doubled: with ``branch``: follow also the orbits of twice the period that begin at the first flip, so many times in turn.
-///     folder: to which the file names in a dict are relative.
+///     folder: to which the file names in a dict are relative; by default the working folder.
 ///
 /// Returns:
 ///     A dict with the JSON keys of ``carom orbit --help``: start (q and qd, on the section), start_time and period (s), events, multipliers (complex
@@ -61,13 +65,13 @@ impl Given {
 ///         a flip, at which doubled ones begin, is a warning.
 ///     SimulationError: an invalid scene, or a run that fails.
 #[pyfunction]
-#[pyo3(signature = (problem, *, branch=false, doubled=0, folder=PathBuf::from(".")))]
+#[pyo3(signature = (problem, *, branch=false, doubled=0, folder=None))]
 pub fn orbit<'py>(
     py: Python<'py>,
     problem: &Bound<'py, PyAny>,
     branch: bool,
     #[pyo3(from_py_with = count)] doubled: u8,
-    folder: PathBuf,
+    folder: Option<PathBuf>,
 ) -> PyResult<Array<'py>> {
     let given = Given::of(problem, folder)?;
     if doubled > 0 && !branch {
@@ -99,7 +103,7 @@ pub fn orbit<'py>(
 ///     skip: number of cycles before the first of them.
 ///     value: of the parameter of ``vary``; by default its first value.
 ///     start: (q, qd), at the time at which the scene starts; by default that of the scene.
-///     folder: to which the file names in a dict are relative.
+///     folder: to which the file names in a dict are relative; by default the working folder.
 ///
 /// Returns:
 ///     A dict of q and qd, arrays of shape (cycles, nq) and (cycles, nv).
@@ -108,7 +112,7 @@ pub fn orbit<'py>(
 ///     StudyError: as ``carom.orbit``.
 ///     SimulationError: as ``carom.orbit``.
 #[pyfunction]
-#[pyo3(signature = (problem, cycles, *, skip=0, value=None, start=None, folder=PathBuf::from(".")))]
+#[pyo3(signature = (problem, cycles, *, skip=0, value=None, start=None, folder=None))]
 pub fn cycles<'py>(
     py: Python<'py>,
     problem: &Bound<'py, PyAny>,
@@ -116,9 +120,12 @@ pub fn cycles<'py>(
     #[pyo3(from_py_with = count)] skip: usize,
     value: Option<f64>,
     start: Option<(Vec<f64>, Vec<f64>)>,
-    folder: PathBuf,
+    folder: Option<PathBuf>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let given = Given::of(problem, folder)?;
+    if cycles == 0 {
+        return Err(PyValueError::new_err("cycles = 0: give 1 or more"));
+    }
     let start = start.map(|(q, qd)| State { q, qd });
     let found = left_behind(py, move |stop| {
         let problem = given.read(stop)?;
@@ -146,7 +153,7 @@ pub fn cycles<'py>(
 ///     out: the table, X.csv or X.parquet: a row for each start.
 ///     resume: continue from the partial file of an interrupted run, if there is one.
 ///     svg: a file for a picture, or None.
-///     folder: to which the file names in a dict are relative.
+///     folder: to which the file names in a dict are relative; by default the working folder.
 ///
 /// Returns:
 ///     A dict of rows, computed (rows that this run has computed), outcomes (a dict of words and numbers of cells) and attractors, a list of
@@ -156,14 +163,14 @@ pub fn cycles<'py>(
 ///     StudyError: as ``carom.orbit``; a file that cannot be written; a partial file that cannot be continued.
 ///     SimulationError: as ``carom.orbit``.
 #[pyfunction]
-#[pyo3(signature = (problem, out, *, resume=false, svg=None, folder=PathBuf::from(".")))]
+#[pyo3(signature = (problem, out, *, resume=false, svg=None, folder=None))]
 pub fn basin<'py>(
     py: Python<'py>,
     problem: &Bound<'py, PyAny>,
     out: PathBuf,
     resume: bool,
     svg: Option<PathBuf>,
-    folder: PathBuf,
+    folder: Option<PathBuf>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let given = Given::of(problem, folder)?;
     let problem = py.detach(|| given.read(&Arc::new(AtomicBool::new(false)))).map_err(raise)?;

@@ -27,6 +27,15 @@ def test_the_coefficient_that_gives_an_impulse_is_that_of_the_closed_form():
     assert run.events[0].impact.impulse[2] == pytest.approx(12, abs=1e-8)
 
 
+def test_arguments_without_effect_are_refused():
+    with pytest.raises(ValueError, match="seed: .* give starts, too"):
+        carom.aim(KEYS, seed=3, folder=AIMS)
+    path = next(AIMS.glob("*.toml"))
+    for function in (carom.aim, carom.orbit, lambda *a, **k: carom.cycles(*a, 2, **k)):
+        with pytest.raises(ValueError, match="folder: it is for the file names in a dict"):
+            function(path, folder=AIMS)
+
+
 def test_many_starts_and_torques():
     found = carom.aim(KEYS, starts=5, seed=3, folder=AIMS)
     assert found["starts"] == {"count": 5, "reached": 5, "failed": {}}

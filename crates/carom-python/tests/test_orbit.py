@@ -58,6 +58,8 @@ def test_problems_are_dicts_too_and_wrong_ones_are_refused():
 
 
 def test_doubled_and_value_need_a_branch_and_a_parameter():
+    with pytest.raises(ValueError, match="cycles = 0: give 1 or more"):
+        carom.cycles(BALL, 0)
     with pytest.raises(ValueError, match="give branch=True"):
         carom.orbit(BALL, doubled=1)
     with pytest.raises(carom.StudyError, match="has no .vary."):

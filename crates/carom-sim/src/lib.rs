@@ -60,7 +60,7 @@ pub use run::{
     StepReason, StopReason, Summary, ToAccuracy, Trajectory,
 };
 pub use scene::{Distribution, Disturbed, Perturbation, Scene};
-pub use state::{ContactImpulse, LinearFunction, Moment, Profile};
+pub use state::{ContactImpulse, Formula, LinearFunction, Moment, Profile};
 
 // Hidden: what only the command line, the Python package and the studies use.
 #[doc(hidden)]

@@ -1,13 +1,12 @@
 //! What the problem files of aims and of orbits have in common: the scene with other values of its keys, and formulas of its numbers.
 
 use carom_chain::input;
-use carom_sim::{Scene, SimError};
-use exmex::prelude::*;
+use carom_sim::{Formula, Scene, SimError};
 use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Numbers of the scene as functions of names: the path of a key, and its formula.
-pub(crate) type Formulas = Vec<(String, FlatEx<f64>)>;
+pub(crate) type Formulas = Vec<(String, Formula)>;
 
 /// The text of a problem file, or why it cannot be read.
 pub(crate) fn text(path: &Path) -> Result<String, String> {
@@ -59,14 +58,15 @@ pub(crate) fn is_of_start(path: &str) -> bool {
 /// Reads formulas of these names.
 pub(crate) fn formulas(set: &BTreeMap<String, String>, names: &[&str]) -> Result<Formulas, String> {
     let read = set.iter().map(|(key, formula)| {
-        let refuse = |why: String| format!("set.\"{key}\" = \"{formula}\" {why}");
-        let parsed = FlatEx::<f64>::parse(formula).map_err(|e| refuse(format!("is no formula: {e}")))?;
-        match parsed.var_names().iter().find(|name| !names.contains(&name.as_str())) {
+        let key_of = |why: String| format!("set.\"{key}\" = {why}");
+        let read = Formula::of(formula, names).map_err(key_of)?;
+        let refuse = |why: String| key_of(format!("\"{formula}\" {why}"));
+        match read.names().iter().find(|name| !names.contains(&name.as_str())) {
             Some(name) => Err(refuse(format!("has the variable '{name}': there are {}", names.join(", ")))),
-            None if parsed.var_names().is_empty() => {
+            None if read.names().is_empty() => {
                 Err(refuse(format!("does not depend on {}: give the number in with", names.join(", "))))
             }
-            None => Ok((key.clone(), parsed)),
+            None => Ok((key.clone(), read)),
         }
     });
     read.collect()
@@ -74,10 +74,9 @@ pub(crate) fn formulas(set: &BTreeMap<String, String>, names: &[&str]) -> Result
 
 /// The numbers of the scene at values of the names.
 pub(crate) fn evaluated(set: &Formulas, names: &[(&str, f64)]) -> Vec<(String, f64)> {
-    let of = |formula: &FlatEx<f64>| {
+    let of = |formula: &Formula| {
         let value = |name: &String| names.iter().find(|(own, _)| own == name).map_or(f64::NAN, |(_, value)| *value);
-        let values: Vec<f64> = formula.var_names().iter().map(value).collect();
-        formula.eval(&values).unwrap_or(f64::NAN)
+        formula.at(&formula.names().iter().map(value).collect::<Vec<f64>>())
     };
     set.iter().map(|(key, formula)| (key.clone(), of(formula))).collect()
 }

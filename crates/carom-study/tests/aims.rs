@@ -379,6 +379,16 @@ fn what_cannot_be_reached_and_wrong_problems_are_told() {
             format!("{unknown}[[condition]]\nvalue = \"zz\"\nequals = 1\n"),
             "has no variable 'zz': there are the state, z, qd z",
         ),
+        (
+            format!("{unknown}[[condition]]\nvalue = \"2\"\nequals = 1\n"),
+            "value = \"2\" depends on neither the motion nor an unknown",
+        ),
+        (
+            "[[unknown]]\nname = \"e\"\nfirst = 0.5\nset = { \"contact.restitution\" = \"{e}\" }\n\
+             [[condition]]\nvalue = \"z - e\"\nequals = 1\n"
+                .into(),
+            "value = \"z - e\" has e without braces, which is a constant or a function of formulas: write {e}",
+        ),
         (format!("{unknown}[[condition]]\nvalue = \"impulse\"\nequals = 1\n"), "which an impact has: name its contact"),
         (format!("{unknown}[[condition]]\nvalue = \"z\"\nimpact = 1\nequals = 1\n"), "belong to a contact"),
         (

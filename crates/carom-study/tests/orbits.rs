@@ -419,6 +419,11 @@ fn wrong_problems_are_refused_with_key_value_and_rule() {
         ("section = {}", "[section] needs one of contact"),
         ("section.contact = \"tail\"", "contact = \"tail\" is no contact"),
         ("section.rising = \"left*right\"", "is not linear"),
+        ("section.rising = \"TAU\"", "does not depend on the state: it never passes zero"),
+        (
+            "section.contact = \"left_leg\"\nvary = { parameter = \"e\", from = 0, to = 1, set = { \"contact.friction\" = \"e / 2\" } }",
+            "\"e / 2\" has e without braces, which is a constant or a function of formulas: write {e}",
+        ),
         ("section.rising = \"knee\"", "has no variable 'knee'"),
         (
             "section.rising = \"{qd left}\"\nwith = { run = { duration = 8, gravity = [0, 0, -9.81], controller = \"off\" } }\norbit.modulo = [\"tail\"]",

@@ -1879,7 +1879,7 @@ def compare(
         TypeError: data of no or of several kinds.
     """
 def aim(
-    problem: _Path | Mapping[str, Any], *, starts: int | None = None, seed: int = 0, folder: _Path = "."
+    problem: _Path | Mapping[str, Any], *, starts: int | None = None, seed: int | None = None, folder: _Path | None = None
 ) -> dict[str, Any]:
     """Chooses numbers of a scene such that its motion meets conditions, at least cost.
 
@@ -1887,8 +1887,8 @@ def aim(
         problem: path of a problem file, or its keys as a dict; the page "Reach an aim" of the manual lists them.
         starts: search so many times, each from the nearest to the aim of 20 random draws between the bounds, and keep the least cost; without
             a cost the first that meets the conditions.
-        seed: of the random values.
-        folder: to which the file names in a dict are relative.
+        seed: of the random values of starts; by default 0.
+        folder: to which the file names in a dict are relative; by default the working folder.
 
     Returns:
         A dict with the JSON keys of ``carom aim --help``: unknowns, conditions, cost, events, steps, runs, differentiated, end, with ``starts`` also starts; and
@@ -1900,7 +1900,7 @@ def aim(
         SimulationError: an invalid scene, or a first run that fails or has no derivative.
     """
 def orbit(
-    problem: _Path | Mapping[str, Any], *, branch: bool = False, doubled: int = 0, folder: _Path = "."
+    problem: _Path | Mapping[str, Any], *, branch: bool = False, doubled: int = 0, folder: _Path | None = None
 ) -> dict[str, Any]:
     """Finds a periodic orbit of a scene, and follows it over a parameter.
 
@@ -1908,7 +1908,7 @@ def orbit(
         problem: path of a problem file, or its keys as a dict; the page "Find periodic orbits" of the manual lists them.
         branch: follow the orbit over the parameter of ``vary``.
         doubled: with ``branch``: follow also the orbits of twice the period that begin at the first flip, so many times in turn.
-        folder: to which the file names in a dict are relative.
+        folder: to which the file names in a dict are relative; by default the working folder.
 
     Returns:
         A dict with the JSON keys of ``carom orbit --help``: start (q and qd, on the section), start_time and period (s), events, multipliers (complex
@@ -1928,7 +1928,7 @@ def cycles(
     skip: int = 0,
     value: float | None = None,
     start: tuple[Sequence[float], Sequence[float]] | None = None,
-    folder: _Path = ".",
+    folder: _Path | None = None,
 ) -> dict[str, _Matrix]:
     """The states on the section that follow one another, by runs alone: a second route to an orbit, and bifurcation diagrams.
 
@@ -1938,7 +1938,7 @@ def cycles(
         skip: number of cycles before the first of them.
         value: of the parameter of ``vary``; by default its first value.
         start: (q, qd), at the time at which the scene starts; by default that of the scene.
-        folder: to which the file names in a dict are relative.
+        folder: to which the file names in a dict are relative; by default the working folder.
 
     Returns:
         A dict of q and qd, arrays of shape (cycles, nq) and (cycles, nv).
@@ -1953,7 +1953,7 @@ def basin(
     *,
     resume: bool = False,
     svg: _Path | None = None,
-    folder: _Path = ".",
+    folder: _Path | None = None,
 ) -> dict[str, Any]:
     """Tells the attractor of each start of the grid of ``basin``, into a file, in constant memory and on all cores. Ctrl-C or a full disk leaves a
     partial file, from which resume=True continues.
@@ -1963,7 +1963,7 @@ def basin(
         out: the table, X.csv or X.parquet: a row for each start.
         resume: continue from the partial file of an interrupted run, if there is one.
         svg: a file for a picture, or None.
-        folder: to which the file names in a dict are relative.
+        folder: to which the file names in a dict are relative; by default the working folder.
 
     Returns:
         A dict of rows, computed (rows that this run has computed), outcomes (a dict of words and numbers of cells) and attractors, a list of

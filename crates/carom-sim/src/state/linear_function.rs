@@ -1,7 +1,7 @@
 //! Linear functions of the numbers of a state, as files write them: `left - 2*{arm/elbow} + 0.5`.
 
+use super::Formula;
 use carom_chain::{Chain, Coordinates};
-use exmex::prelude::*;
 
 /// A linear function of the numbers of (q, qd).
 #[derive(Debug, Clone, PartialEq)]
@@ -21,23 +21,18 @@ impl LinearFunction {
     /// A formula that cannot be read, is not linear or not finite, or has an unknown variable.
     pub fn of(formula: &str, chain: &Chain) -> Result<Self, String> {
         let refuse = |why: &str| Err(format!("\"{formula}\" {why}"));
-        let Ok(parsed) = FlatEx::<f64>::parse(formula) else {
-            return refuse(
-                "is no formula: write sums of joints with numbers, like left - 2*right + 0.5; names with other characters than letters, \
-                 digits and underscores stand in braces, as {qd left}; numbers are written as 0.001",
-            );
-        };
-        let names = parsed.var_names().to_vec();
         let known = state_variables(chain);
+        let known_names: Vec<&str> = known.iter().map(|(name, _)| name.as_str()).collect();
+        let parsed = Formula::of(formula, &known_names)?;
+        let names = parsed.names();
         let mut indices = Vec::new();
-        for name in &names {
+        for name in names {
             let Some((_, index)) = known.iter().find(|(known, _)| known == name) else {
-                let known: Vec<&str> = known.iter().map(|(name, _)| name.as_str()).collect();
-                return refuse(&format!("has no variable '{name}': there are {}", known.join(", ")));
+                return refuse(&format!("has no variable '{name}': there are {}", known_names.join(", ")));
             };
             indices.push(*index);
         }
-        let at = |values: &[f64]| parsed.eval(values).unwrap_or(f64::NAN);
+        let at = |values: &[f64]| parsed.at(values);
         let along = |k: usize, by: f64| {
             let mut values = vec![0.0; names.len()];
             values[k] = by;

@@ -4,6 +4,7 @@ mod accuracy;
 mod basis;
 mod closing;
 mod coupling;
+mod formula;
 mod linear_function;
 mod moment;
 mod profile;
@@ -15,6 +16,7 @@ pub(crate) use accuracy::{CLEAR, EQUAL, EXACT, GROWTH, MANY, MAX_STEPS, NOTICED,
 pub(crate) use basis::{Basis, Spread};
 pub(crate) use closing::close_loops;
 pub(crate) use coupling::{Coupling, Loops};
+pub use formula::Formula;
 pub use linear_function::{LinearFunction, state_variables};
 pub use moment::{ContactImpulse, Moment};
 pub use profile::Profile;

@@ -4,13 +4,12 @@
 //! beside a run, and their error is that of rounding, about 1e-11.
 
 use carom_chain::{FrameId, Spatial, Workspace};
-use carom_sim::{SimError, Simulation, state_variables};
-use exmex::prelude::*;
+use carom_sim::{Formula, SimError, Simulation, state_variables};
 
 /// A function from a formula.
 #[derive(Clone)]
 pub(super) struct Function {
-    parsed: FlatEx<f64>,
+    formula: Formula,
     variables: Vec<Variable>,
 }
 
@@ -60,13 +59,10 @@ impl Function {
     /// Reads a formula of the state of a scene and of these unknowns; with `impact` it may have `impulse` and `lost`.
     pub fn of(formula: &str, sim: &Simulation, unknowns: &[String], impact: bool) -> Result<Self, String> {
         let refuse = |why: String| format!("\"{formula}\" {why}");
-        let parsed = FlatEx::<f64>::parse(formula).map_err(|e| {
-            refuse(format!(
-                "is no formula: {e}; names with other characters than letters, digits and underscores stand in braces, as {{qd elbow}}; \
-                 numbers are written as 0.001"
-            ))
-        })?;
         let states = state_variables(&sim.chain);
+        let state_names = states.iter().map(|(name, _)| name.as_str());
+        let known: Vec<&str> = state_names.chain(unknowns.iter().map(String::as_str)).collect();
+        let read = Formula::of(formula, &known)?;
         let find = |name: &String| {
             if let Some((_, k)) = states.iter().find(|(known, _)| known == name) {
                 return Ok(Variable::State(*k));
@@ -98,8 +94,12 @@ impl Function {
                 own.join(", ")
             )))
         };
-        let variables = parsed.var_names().iter().map(find).collect::<Result<_, _>>()?;
-        Ok(Self { parsed, variables })
+        let variables = read.names().iter().map(find).collect::<Result<_, _>>()?;
+        Ok(Self { formula: read, variables })
+    }
+
+    pub fn is_constant(&self) -> bool {
+        self.variables.is_empty()
     }
 
     /// Whether it depends on the simulation beside the motion: on the law of an impact, or on masses.
@@ -115,7 +115,7 @@ impl Function {
     pub fn at(&self, point: &Point, workspace: &mut Workspace<Spatial<f64>>) -> Result<f64, SimError> {
         let values = self.variables.iter().map(|variable| variable.at(point, workspace));
         let values = values.collect::<Result<Vec<_>, SimError>>()?;
-        Ok(self.parsed.eval(&values).unwrap_or(f64::NAN))
+        Ok(self.formula.at(&values))
     }
 
     /// Its derivatives.

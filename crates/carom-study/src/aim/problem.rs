@@ -195,11 +195,17 @@ impl Problem {
             let why = "formulas have this name for the motion: choose another name";
             return Err(refuse(format!("[[unknown]] name = \"{taken}\": {why}")));
         }
+        let function = |formula: &str, place: &Place| {
+            let read = Function::of(formula, sim, &names, place.is_impact())?;
+            if read.is_constant() && !matches!(place, Place::Along) {
+                return Err(format!("\"{formula}\" depends on neither the motion nor an unknown"));
+            }
+            Ok(read)
+        };
         let conditions = file.condition.iter().enumerate().map(|(k, keys)| {
             let read = || {
                 let place = Place::of(&sim.touches, &keys.contact, (keys.impact, keys.side), keys.along)?;
-                let function = Function::of(&keys.value, sim, &names, place.is_impact())
-                    .map_err(|why| format!("value = {why}"))?;
+                let function = function(&keys.value, &place).map_err(|why| format!("value = {why}"))?;
                 let (bounds, told) = asked(keys)?;
                 let name = format!("{}{} {told}", keys.value, place.text());
                 Ok(Condition { name, asked: Some((function, place)), bounds })
@@ -242,7 +248,7 @@ impl Problem {
                 (true, Place::Along) => (format!("({formula})^2"), false),
                 _ => (formula.clone(), squared),
             };
-            let function = Function::of(&formula, sim, &names, place.is_impact()).map_err(refuse)?;
+            let function = function(&formula, &place).map_err(refuse)?;
             costs.push(Cost { name: format!("{formula}{}", place.text()), function, place, weight, squared });
         }
         let tolerance = file.search.tolerance.unwrap_or(1e-9);

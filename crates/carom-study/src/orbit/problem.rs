@@ -4,8 +4,7 @@ use super::{Orbit, OrbitError, State};
 use crate::map_study::Axis;
 use crate::numbered::checksums;
 use crate::problem_file::{Formulas, evaluated};
-use carom_sim::{LinearFunction, Oscillation, Parameter, Plan, Scene, Simulation, SurfaceMotion};
-use exmex::prelude::*;
+use carom_sim::{Formula, LinearFunction, Oscillation, Parameter, Plan, Scene, Simulation, SurfaceMotion};
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 
@@ -77,7 +76,7 @@ pub(super) struct Vary {
     /// The keys that follow it.
     pub set: Formulas,
     /// The period of the section, if it follows it.
-    pub period: Option<FlatEx<f64>>,
+    pub period: Option<Formula>,
 }
 
 /// A simulation with its start, and how long a passage may take.
@@ -314,7 +313,7 @@ impl Vary {
 
     /// The period of the section, if it follows the parameter.
     fn period(&self, value: f64) -> Option<f64> {
-        self.period.as_ref().map(|formula| formula.eval(&[value]).unwrap_or(f64::NAN))
+        self.period.as_ref().map(|formula| formula.at(&[value]))
     }
 }
 

@@ -5,8 +5,7 @@ use super::problem::{Grid, GridAxis, Means, Problem, Relabelled, Section, Vary};
 use crate::map_study::Axis;
 use crate::problem_file::{self, formulas};
 use carom_chain::Chain;
-use carom_sim::{Drive, LinearFunction, Plan, Touch};
-use exmex::prelude::*;
+use carom_sim::{Drive, Formula, LinearFunction, Plan, Touch};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -208,6 +207,9 @@ fn section(keys: &SectionKeys, plan: &Plan) -> Result<Section, String> {
         _ => return Err("is empty".into()),
     };
     let mut function = LinearFunction::of(formula, &plan.simulation.chain).map_err(|why| format!("{key} = {why}"))?;
+    if function.terms.iter().all(|(_, coefficient)| *coefficient == 0.0) {
+        return Err(format!("{key} = \"{formula}\" does not depend on the state: it never passes zero"));
+    }
     function.constant *= sign;
     function.terms.iter_mut().for_each(|(_, c)| *c *= sign);
     Ok(Section::Rising { formula: format!("{key} {formula}"), function })
@@ -279,9 +281,8 @@ impl Problem {
         let chain = &self.scene.simulation.chain;
         // A variable in braces is one name, whatever its characters.
         let of_state = LinearFunction::of(&format!("{{{what}}}"), chain).ok().and_then(|it| it.terms.first().copied());
-        let is_variable = |formula: &String| {
-            FlatEx::<f64>::parse(formula).is_ok_and(|it| it.var_names().iter().any(|variable| variable == what))
-        };
+        let is_variable =
+            |formula: &String| Formula::of(formula, &[]).is_ok_and(|it| it.names().iter().any(|name| name == what));
         let is_parameter = self.vary.as_ref().is_some_and(|vary| vary.name == *what);
         let (means, unit) = match of_state {
             _ if set.values().any(is_variable) => (Means::Variable, ""),
