@@ -46,6 +46,10 @@ pub(crate) trait Flow {
     fn settle(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SimError>;
 }
 
+/// Rates below this are none: their rounding as a share of a tolerance would have a square that is no normal number, whose reciprocal, in ivp 0.6,
+/// is infinite.
+const NONE: f64 = 1e-140;
+
 /// The flow for the integrator. Errors are stored here, as the integrator cannot return them.
 pub(crate) struct System<'a>(pub RefCell<Inner<'a>>);
 
@@ -82,6 +86,7 @@ impl FirstOrderSystem for System<'_> {
     fn derivative(&self, t: f64, y: &[f64], rate: &mut [f64]) {
         rate.fill(0.0);
         self.ask(|flow| flow.rate(t, y, rate));
+        rate.iter_mut().filter(|rate| rate.abs() < NONE).for_each(|rate| *rate = 0.0);
     }
 
     /// By forward differences with the steps of the flow: where slip begins, the rate changes by its own size with a velocity

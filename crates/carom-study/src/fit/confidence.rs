@@ -57,7 +57,9 @@ pub(crate) fn reaches(
     };
     let each: Vec<(DMatrix<f64>, DVector<f64>)> = residuals.iter().zip(jacobians).map(one).collect();
     let total = each.iter().fold(DMatrix::zeros(p, p), |sum: DMatrix<f64>, (curvature, _)| sum + curvature);
-    let root = function(&total, |x| if x > 0.0 { 1.0 / x.sqrt() } else { f64::NAN });
+    // The eigenvalue zero of a singular matrix is rounded to either side.
+    let least = 4.0 * f64::EPSILON * total.trace();
+    let root = function(&total, |x| if x > least { 1.0 / x.sqrt() } else { f64::NAN });
     if !root.iter().all(|x| x.is_finite()) {
         return None;
     }

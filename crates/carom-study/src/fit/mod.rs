@@ -316,15 +316,22 @@ impl Model {
         self.coefficients.iter().position(|(own, _)| *own == name).map(|k| x[k])
     }
 
-    /// Notes on the coefficient `one`, whose search has ended at `end` of its range or at neither end.
-    fn notes(&self, k: usize, one: &Coefficient, end: Option<f64>) -> Vec<String> {
+    /// Notes on the coefficient `one`, whose search has ended at `end` of its range or at neither end; `together`: the residuals determine
+    /// fewer numbers than there are coefficients.
+    fn notes(&self, k: usize, one: &Coefficient, end: Option<f64>, together: bool) -> Vec<String> {
         let (name, (low, high)) = self.coefficients[k];
         let at_bound = end.map(|end| {
             let more = if name == FRICTION && end > 0.0 { ": raise the largest friction" } else { "" };
             format!("{name} is at its bound {end}{more}")
         });
-        let alike = (one.interval == Interval::Alike)
-            .then(|| format!("only one impact identifies {name}: its interval assumes the same noise in all impacts"));
+        let alike = (one.interval == Interval::Alike).then(|| {
+            let why = if together {
+                format!("{name} may compensate another coefficient")
+            } else {
+                format!("only one impact identifies {name}")
+            };
+            format!("{why}: its interval assumes the same noise in all impacts")
+        });
         let wide = (one.high - one.low > 0.9 * (high - low)).then(|| {
             format!("the interval of {name} covers more than 90 % of the range searched: it is poorly identified")
         });

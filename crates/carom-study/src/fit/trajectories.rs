@@ -217,7 +217,7 @@ fn intervals(
         let (name, (lower, upper)) = model.coefficients[k];
         let one = Coefficient { name, value, low, high, interval: Interval::Bootstrap };
         let end = [lower, upper].into_iter().find(|end| (value - end).abs() < 1e-6 * (upper - lower));
-        notes.extend(model.notes(k, &one, end));
+        notes.extend(model.notes(k, &one, end, false));
         all.push(one);
     }
     notes.push(format!(

@@ -223,7 +223,9 @@ impl Work<'_> {
             [low, high].into_iter().find(|end| (x[k] - end).abs() <= ON_BOUND * side(k))
         };
         let columns: Vec<DMatrix<f64>> = jacobians.iter().map(|j| j.select_columns(&known)).collect();
-        let told = reaches(residuals, &columns, cost, options.confidence).unwrap_or_else(|| vec![None; known.len()]);
+        let told = reaches(residuals, &columns, cost, options.confidence);
+        let together = told.is_none();
+        let told = told.unwrap_or_else(|| vec![None; known.len()]);
         // loss of the rounding errors of exact data
         let rounding = n as f64 * cost.of(1e-9 * self.size);
         let degrees = (n - x.len()) as f64;
@@ -250,7 +252,7 @@ impl Work<'_> {
                 ));
                 continue;
             }
-            notes.extend(self.model.notes(k, one, bound(k)));
+            notes.extend(self.model.notes(k, one, bound(k), together));
         }
         Ok(all)
     }

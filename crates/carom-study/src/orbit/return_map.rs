@@ -24,6 +24,8 @@ use carom_sim::{
     Broken, Event, EventKind, Moment, Parameter, Plan, Sampling, Seen, Segment, Session, SimError, StopReason,
 };
 use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The rate at the start is that after this share of the passage.
 const AT_ONCE: f64 = 1e-12;
@@ -101,7 +103,14 @@ impl Problem {
     }
 
     fn passage(&self, plan: &Timed, start: &State) -> Result<Period, OrbitError> {
-        let mut session = self.session(plan, start)?;
+        // The zero of a function is no event: the session is stopped at it, by a flag that also passes on that of the problem.
+        let (interrupted, at_zero) = (plan.simulation.stop.clone(), Arc::new(AtomicBool::new(false)));
+        let is_rising = matches!(self.section, Section::Rising { .. });
+        let mut own = Plan { q: start.q.clone(), qd: start.qd.clone(), ..plan.plan.clone() };
+        if is_rising {
+            own.simulation.stop = Some(at_zero.clone());
+        }
+        let mut session = own.start()?;
         let (longest, from) = (plan.longest, session.time());
         let mut events = Vec::new();
         let mut seen = Crossing::new(&self.section, start.q.len());
@@ -117,9 +126,9 @@ impl Problem {
             }
             let (saved, before, mut ended) = (session.save(), session.time(), false);
             let touches = plan.simulation.touches.as_slice();
-            let sampling = Sampling { dense: matches!(self.section, Section::Rising { .. }), ..Sampling::default() };
+            let sampling = Sampling { dense: is_rising, ..Sampling::default() };
             let mut own = Vec::new();
-            let stopped = session.stream_to_event(left, sampling, &mut |it| match it {
+            let streamed = session.stream_to_event(left, sampling, &mut |it| match it {
                 Seen::Event(event) => {
                     let mut what = event.named(touches).told();
                     if let EventKind::Impact { touch, hit } = &event.kind
@@ -130,15 +139,22 @@ impl Problem {
                     own.push(Happened { time: event.time - from, what });
                     ended |= ends(event) && event.time > from;
                 }
-                Seen::Segment(segment) => seen.look(segment),
+                Seen::Segment(segment) => {
+                    seen.look(segment);
+                    let stops = interrupted.as_ref().is_some_and(|it| it.load(Ordering::Relaxed));
+                    at_zero.store(stops || seen.found.is_some() || seen.jumps.is_some(), Ordering::Relaxed);
+                }
                 _ => {}
-            })?;
+            });
+            let stopped = match streamed {
+                Err(SimError::Stopped { .. }) if seen.found.is_some() || seen.jumps.is_some() => None,
+                stopped => Some(stopped?),
+            };
             if let Some(time) = seen.jumps {
                 return Err(OrbitError::Jumps { section: self.section.name(), time: time - from });
             }
             if let Some(mut time) = seen.found.take() {
-                session.restore(&saved)?;
-                own.clear();
+                at_zero.store(false, Ordering::Relaxed);
                 // The dense output has the error of an interpolation, the state at its end that of the integration.
                 for _ in 0..3 {
                     session.restore(&saved)?;
@@ -151,7 +167,7 @@ impl Problem {
             if ended {
                 return self.end_of(&session, from, events);
             }
-            if stopped == StopReason::Events {
+            if stopped == Some(StopReason::Events) {
                 let seen = format!("after {} events, max_events of the scene, the run ended", events.len());
                 return Err(OrbitError::NoReturn { section: self.section.name(), longest, seen });
             }

@@ -200,6 +200,26 @@ fn friction_identified_by_one_impact_has_an_interval_from_homogeneous_noise() {
     assert!(held >= 34, "{held} of 40");
 }
 
+/// H of rank one makes the jump one number, and of impacts whose slip reverses, all alike, it is a function of both coefficients.
+#[test]
+fn coefficients_that_compensate_each_other_are_told() {
+    let mut rng = Rng::with_seed(3);
+    let (e, mu) = (0.6, 0.3);
+    let h = Matrix2::new(0.25, 0.65, 0.65, 1.69);
+    let mut impacts = Vec::new();
+    for _ in 0..20 {
+        let u = Vector2::new(-0.3, -1.0) * (0.5 + rng.f64());
+        let seen = after("energetic", e, mu, h, u) + noise::<2>(&mut rng, 0.01);
+        impacts.push(MeasuredImpact::in_plane(h, u, seen).unwrap());
+    }
+    let fit = fit_velocities(&impacts, None, &ALL, QUIET).unwrap();
+    for (name, truth, found) in [("restitution", e, fit.coefficients[0]), ("friction", mu, fit.coefficients[1])] {
+        assert!(found.low <= truth && truth <= found.high && found.high - found.low > 0.1, "{found:?}");
+        let told = format!("{name} may compensate another coefficient");
+        assert!(fit.notes.iter().any(|note| note.starts_with(&told)), "{:?}", fit.notes);
+    }
+}
+
 /// Above the friction at which all impacts stick the loss is constant, so the interval ends at the bound of the search.
 #[test]
 fn friction_without_an_upper_bound_in_the_data_has_an_interval_up_to_the_search_bound() {
