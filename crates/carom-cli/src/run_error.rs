@@ -8,9 +8,11 @@ use std::io::{self, Write};
 pub fn accuracy(met: &Met, out: &mut dyn Write) -> io::Result<()> {
     writeln!(
         out,
-        "accuracy {}: met by the tolerance {}, with an estimated error of {}, after {} evaluations in all",
+        "accuracy {}: met by the tolerance {} (max_step {}, zeno_time {}), with an estimated error of {}, after {} evaluations in all",
         brief(met.asked),
         brief(met.tolerance),
+        brief(met.max_step),
+        brief(met.zeno_time),
         brief(met.error),
         met.evaluations
     )

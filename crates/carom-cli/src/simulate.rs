@@ -44,7 +44,7 @@ const SAMPLE: f64 = 0.004;
 ///   energy {start, end, drive, resistance, lost_in_impacts, error}, where
 ///     end = start + drive + resistance − lost_in_impacts + error;
 ///   statistics {the numbers listed at the end};
-///   accuracy {asked, tolerance, error, evaluations} of a scene with [run] accuracy.
+///   accuracy {asked, tolerance, max_step, zeno_time, error, evaluations} of a scene with [run] accuracy.
 /// JSON keys with --error: error {tighter (tolerances of the runs that tell it), final {q, qd}, or
 ///   unknown {time, reason} instead of it}; of each event time_error, unless it has none.
 /// JSON keys with --sensitivity: sensitivity {names (of the columns: q and qd of the start by joint,

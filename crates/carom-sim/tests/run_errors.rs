@@ -51,6 +51,63 @@ fn exact(time: f64) -> [f64; 2] {
     [sign * size * (OMEGA * time).cos(), -sign * size * OMEGA * (OMEGA * time).sin()]
 }
 
+/// Two links fall on the floor, and their impacts accumulate: with a small restitution a tighter tolerance leaves the same impacts, and the error of
+/// leaving them is in both runs. Against a run at the tightest tolerance.
+#[test]
+fn errors_of_the_ends_of_accumulations_are_estimated() {
+    let link = |name: &str, far: f64| {
+        format!(
+            "<link name='{name}'><inertial><origin xyz='{} 0 0'/><mass value='1'/><inertia ixx='0.001' iyy='0.02' izz='0.02' ixy='0' ixz='0' \
+             iyz='0'/></inertial><collision><origin xyz='{far} 0 0'/><geometry><sphere radius='0.03'/></geometry></collision></link>",
+            0.5 * far
+        )
+    };
+    let joint = |name: &str, [parent, child]: [&str; 2], at: &str| {
+        format!(
+            "<joint name='{name}' type='continuous'><parent link='{parent}'/><child link='{child}'/><origin xyz='{at}'/><axis xyz='0 1 0'/></joint>"
+        )
+    };
+    let robot = format!(
+        "<robot name='two'><link name='base'/>{}{}{}{}</robot>",
+        link("a", 0.5),
+        link("b", 0.4),
+        joint("j", ["base", "a"], "0 0 0.3"),
+        joint("k", ["a", "b"], "0.5 0 0")
+    );
+    for restitution in [0.05, 0.1, 0.2] {
+        let at = |run: &str| {
+            let text = format!(
+                "[robot]\nurdf = \"two.urdf\"\nq = [-0.3, 0.6]\ntip = \"b\"\n[[surface]]\nname = \"floor\"\n\
+                 shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}\n\
+                 [contact]\nrestitution = {restitution}\nfriction = 0.3\n[run]\nduration = 0.45\n{run}"
+            );
+            scene(&[("two.urdf", &robot)], &text).unwrap()
+        };
+        let exact = at("tolerance = 1e-13\nzeno_time = 1e-7\n").plan().unwrap().run(0.45).unwrap().summary.last;
+        let apart = |last: &Moment| {
+            let numbers = last.q.iter().zip(&exact.q).chain(last.qd.iter().zip(&exact.qd));
+            numbers.map(|(a, b)| (a - b).abs()).collect::<Vec<_>>()
+        };
+        for tolerance in ["1e-6", "1e-7", "1e-8"] {
+            let plan = at(&format!("tolerance = {tolerance}\n")).plan().unwrap();
+            let (events, _, summary, error) = estimated(&plan, 0.45, None);
+            assert!(events.iter().any(|event| event.kind.name() == "zeno"), "{restitution} {tolerance}");
+            let estimates = error.last.unwrap();
+            for (apart, estimate) in apart(&summary.last).iter().zip(estimates.q.iter().chain(&estimates.qd)) {
+                assert!(*apart <= 3.0 * estimate, "{restitution} {tolerance}: {apart:e} of {estimate:e}");
+            }
+        }
+        // The times of the ends are less accurate than the motion.
+        let found = at("accuracy = 1e-5\n").to_accuracy().unwrap();
+        let met = found.met.unwrap();
+        let worst = apart(&met.summary.last).into_iter().fold(0.0, f64::max);
+        assert!(worst <= 1e-5, "{restitution}: {worst:e}");
+        let told =
+            format!("tolerance = {}\nmax_step = {}\nzeno_time = {}\n", met.tolerance, met.max_step, met.zeno_time);
+        assert_eq!(at(&told).plan().unwrap().run(0.45).unwrap().summary.last, met.summary.last);
+    }
+}
+
 /// Each error is at most ten times its estimate, as the closed form tells, and the largest is a third of its own at least.
 #[test]
 fn errors_of_a_ball_on_a_spring_are_those_of_its_closed_form() {

@@ -220,14 +220,14 @@ fn sensitivities_through_a_contact_with_a_bristle_equal_differences_of_runs() {
 /// closing and the opening the deflection is as small as the steps of differences were.
 #[test]
 fn sensitivities_through_bristles_of_every_stiffness_equal_differences_of_runs() {
-    for force in ["hunt-crossley", "kelvin-voigt", "walton-braun"] {
+    for force in ["\"hunt-crossley\"", "\"kelvin-voigt\"", "\"walton-braun\"", "\"kelvin-voigt\", pulls = true"] {
         for (stiffness, damping, slip) in [(1e3, 1.0, 1.0), (1e4, 1.0, 1.0), (1e4, 100.0, 0.1), (1e5, 10.0, 1.0)] {
             // Its steps are those of the bristle, and the run is the more accurate.
             let text = format!(
                 "[robot]\nurdf = \"../robots/ball.urdf\"\nfloating = true\ntip = \"ball\"\nq = [0, 0, 0.3, 0, 0, 0, 1]\n\
                  qd = [{slip}, 0, 0, 0, 0, 0]\n[[surface]]\nname = \"floor\"\nshape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}\n\
                  [contact]\nrestitution = 0.6\nfriction = 0.2\n\
-                 compliance = {{ stiffness = 1e4, force = \"{force}\", bristle = {{ stiffness = {stiffness}, damping = {damping} }} }}\n\
+                 compliance = {{ stiffness = 1e4, force = {force}, bristle = {{ stiffness = {stiffness}, damping = {damping} }} }}\n\
                  [run]\nduration = 0.3\ngravity = [0, 0, -9.81]\ntolerance = 1e-10\n"
             );
             let scene = with_robots(&text).unwrap();
@@ -386,6 +386,32 @@ fn sensitivities_through_a_compliant_contact_equal_differences_of_runs() {
         let own = found.last_by.unwrap();
         let other = differences(&sim, (&[0.3], &[-0.5]), 0.35, &parameters, (&[0, 1, 2], 1e-5));
         assert!((&own - &other).amax() < tolerance * other.amax(), "{exponent}: {own} against {other}");
+    }
+}
+
+/// A ball that starts within the depth of a contact: its damping follows from the approach at the start and from the coefficients, and a start
+/// on the way out unloads from its own depth.
+#[test]
+fn sensitivities_of_a_start_within_a_contact_equal_differences_of_runs() {
+    let hunt = Yielding::HuntCrossley { exponent: 1.5, damping: Damping::Exact };
+    for normal in [hunt, Yielding::KelvinVoigt { pulls: true }, Yielding::WaltonBraun] {
+        for speed in [-0.7, 0.4] {
+            let contact = ContactRule {
+                compliance: Some(Compliance { normal, ..Compliance::new(2e4) }),
+                ..ContactRule::new(Newton { restitution: 0.6, friction: 0.0 })
+            };
+            let sim = Simulation { tolerance: 1e-11, ..ball(contact) };
+            let parameters = Parameter::all(&sim);
+            let start = ([0.09], [speed]);
+            for duration in [0.01, 0.2] {
+                let found = sim.sensitivity(&start.0, &start.1, duration, &parameters).unwrap();
+                assert_eq!(found.broken, None);
+                let own = found.last_by.unwrap();
+                let other = differences(&sim, (&start.0, &start.1), duration, &parameters, (&[0, 1, 2], 1e-5));
+                let apart = (&own - &other).amax();
+                assert!(apart < 1e-6 * other.amax(), "{normal:?}, {speed}: {own} against {other}");
+            }
+        }
     }
 }
 

@@ -172,13 +172,13 @@ impl Compliance {
     /// | law | it vanishes at |
     /// | --- | --- |
     /// | Hunt & Crossley, a > 0 | ġ = 1/a: only if others pull the bodies apart |
-    /// | Kelvin & Voigt without pull, c > 0 | ġ = k d/c |
+    /// | Kelvin & Voigt, c > 0 | ġ = k d/c; with pull it changes its sign there, and friction ceases |
     /// | Walton & Braun, once unloaded, e < 1 | d = (1 − e²) D, the residual penetration |
     pub(crate) fn slack(&self, law: &ContactLaw, memory: &Memory, (gap, rate): (f64, f64)) -> Option<Slack> {
         let Memory { damping, deepest, .. } = *memory;
         match self.normal {
             Yielding::HuntCrossley { .. } if damping > 0.0 => Some(Slack::Speed(damping.recip() - rate)),
-            Yielding::KelvinVoigt { pulls: false } if damping > 0.0 => {
+            Yielding::KelvinVoigt { pulls } if damping > 0.0 && (!pulls || law.friction() > 0.0) => {
                 Some(Slack::Speed(-gap * self.stiffness / damping - rate))
             }
             Yielding::WaltonBraun if deepest.is_finite() && law.restitution() < 1.0 => {
@@ -248,7 +248,12 @@ impl Compliance {
     fn size(&self, law: &ContactLaw, memory: &Memory, (gap, rate): (f64, f64)) -> Result<f64, SimError> {
         // Rounding and the last step of a contact reach beyond d = 0: without a jump of the dashpot's force there.
         let penetration = (-gap).max(f64::MIN_POSITIVE);
-        Ok(self.normal(law.restitution())?.force(penetration, -rate, memory.damping, memory.deepest))
+        let force = self.normal(law.restitution())?;
+        let at = |depth: f64| force.force(depth, -rate, memory.damping, memory.deepest);
+        // Until the event that ends it, an unloading goes on along its line, also beyond where it began.
+        let beyond = penetration - memory.deepest;
+        let unloads = self.turns() && memory.deepest.is_finite() && beyond > 0.0;
+        Ok(if unloads { 2.0 * at(memory.deepest) - at(memory.deepest - beyond) } else { at(penetration) })
     }
 
     /// The force on the robot for a gap, its rate, and the velocity `u` relative to the surface.

@@ -210,11 +210,12 @@ impl<A: Space> Motion<'_, A> {
         let mut found: Vec<Kink> = self.sliding(time, y)?.into_iter().map(Kink::zero).collect();
         for k in 0..self.active.lasting.len() {
             let own = self.active.lasting[k];
-            let Hold::Presses { deepest, .. } = own.hold else { continue };
+            if own.is_rigid() {
+                continue;
+            }
             let (gap, rate) = self.gap(own.touch, time, y)?;
-            let turned = deepest.is_finite().then_some(gap + deepest);
             let slack = own.slack(&self.sim.touches[own.touch].contact, (gap, rate));
-            let zeros = [Some(gap), turned, slack.map(Slack::value)];
+            let zeros = [Some(gap), slack.map(Slack::value)];
             found.extend(zeros.into_iter().flatten().map(|zero| Kink::zero(Vector3::x() * zero)));
             // While the slider of a bristle slips, the direction of its force changes as that of slip does.
             if let Some(grip) = self.grip(k, (time, y))? {

@@ -19,7 +19,7 @@
 //! saltation matrix (Aizerman & Gantmacher 1958; Leine & Nijmeijer 2004, section 7) of every event, whatever it consists of: an impact,
 //! the impact of several contacts, the beginning and the end of a contact, slip that stops. Of the impact of one touch that opens again
 //! dE/dδ has a closed form; otherwise it is a central difference of fourth order of the program that computes the event, from states that
-//! are on the constraints and on w = 0.
+//! are on the constraints and on w = 0. Where an event changes only what a compliant contact remembers, Ξ is 1 but for its rows.
 //!
 //! **Where there is no derivative** the events of neighbouring motions are others, and E has a kink or a jump: it is compared
 //! with its own second differences, and the modes after the event must be the same.
@@ -76,6 +76,12 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
         self.run.act(ending)?;
         if self.run.motion.active.stepping {
             return self.broken(time, "time steps begin, which have no derivative");
+        }
+        // The force is continuous where it changes from loading to unloading.
+        if let Some(turns @ (Guard::Turns(i) | Guard::Deepens(i))) = guard {
+            let unloads = matches!(turns, Guard::Turns(_));
+            let x = before.x.as_slice();
+            return Ok(Some(self.remembering((time, x), &before.active, |run| run.turn(i, unloads))?));
         }
         let is_force = guard.is_some_and(|guard| guard.is() == Is::Force);
         let slips = matches!(guard, Some(Guard::SlipStops(_) | Guard::SlipGrows(_)));

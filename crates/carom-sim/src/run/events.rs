@@ -22,7 +22,7 @@ use super::trajectory::{Event, EventKind, EventLoads, Sampling, Seen, StepReason
 use crate::contact::Touch;
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
-use crate::motion::{Lasting, Motion, Near, NonUnique, Scale, is_reached};
+use crate::motion::{Hold, Lasting, Motion, Near, NonUnique, Scale, is_reached};
 use crate::state::{ContactImpulse, EQUAL, GROWTH, MAX_STEPS, ROUNDING, STEPS, Space};
 use carom_chain::urdf::JointType;
 
@@ -31,12 +31,12 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         sim: &'a Simulation,
         model: &'a A::Model,
         (q, qd): (&[f64], &[f64]),
-        duration: f64,
+        (duration, later): (f64, bool),
         sampling: Sampling,
         watch: &'w mut dyn FnMut(Seen),
     ) -> Result<Summary, SimError> {
         let mut run = Self::at_start(sim, model, (q, qd), sampling, watch)?;
-        run.end = sim.start_time + duration;
+        (run.end, run.history.ends_later) = (sim.start_time + duration, later);
         let start = run.motion.energy(&run.y)?;
         run.begin()?;
         let stop = run.until_end(false)?;
@@ -195,7 +195,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             // A compliant contact may start with a penetration, but not with more than its body has.
             let gives_way = gives_way && gap > -2.0 * sim.touches[touch].size();
             if gives_way && gap <= 0.0 && (gap < 0.0 || rate <= 0.0) {
-                sunk.push((touch, -rate));
+                sunk.push((touch, (gap, rate)));
             } else if gap < -self.motion.scale.touching(touch) {
                 let touch = &sim.touches[touch];
                 return Err(SimError::Overlap { touch: touch.name.clone(), depth: -gap, unit: unit(sim, touch) });
@@ -208,10 +208,16 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             }
         }
         // Compliant contacts may start with a penetration.
-        for (touch, approach) in sunk {
-            let damping = self.damping(touch, approach)?;
-            self.press(touch, damping);
+        for (touch, (gap, rate)) in sunk {
+            let unloads = rate > 0.0 && sim.touches[touch].contact.compliance.is_some_and(|it| it.turns());
+            self.press(touch, 0.0);
+            if let Some(Lasting { hold: Hold::Presses { deepest, .. }, .. }) = self.motion.active.lasting.last_mut()
+                && unloads
+            {
+                *deepest = -gap;
+            }
         }
+        self.remember()?;
         if sim.stepping {
             return self.step_on(StepReason::Asked);
         }

@@ -141,6 +141,9 @@ impl<A: Space> Follow<'_, '_, A> {
         let active = self.run.motion.active.clone();
         let start = self.neighbours(time, &x, &active)?.columns(0, 2 * self.run.motion.sim.chain.nv()).into_owned();
         each.add(Piece::Start(start));
+        if !self.run.remembered().is_empty() {
+            each.add(Piece::Event(self.remembering((time, &x), &active, |run| run.remember())?));
+        }
         while self.run.time < end {
             if self.run.motion.active.stepping {
                 return self.broken(self.run.time, "time steps have no derivative");
@@ -151,6 +154,43 @@ impl<A: Space> Follow<'_, '_, A> {
             self.leg(each)?;
         }
         Ok(())
+    }
+
+    /// The start, or an event that changes only what compliant contacts remember: `set` does so at x in the mode `active`.
+    pub(super) fn remembering(
+        &mut self,
+        (time, x): (f64, &[f64]),
+        active: &ActiveSet,
+        set: impl Fn(&mut Run<A>) -> Result<(), SimError>,
+    ) -> Result<LinearEvent, SimError> {
+        let of = |run: &mut Run<A>, x: &[f64]| {
+            run.motion.active.clone_from(active);
+            (run.time, run.y) = (time, run.y_of(x));
+            set(run)?;
+            Ok(DVector::from_vec(run.remembered()))
+        };
+        self.probe.motion.active.clone_from(active);
+        let moving = x.len() - self.probe.remembered().len();
+        let count = of(&mut self.probe, x)?.len();
+        let tangent = self.probe.tangent(x);
+        let mut by = DMatrix::zeros(count, tangent.ncols());
+        for (j, direction) in tangent.column_iter().enumerate() {
+            by.set_column(j, &self.probe.difference(x, direction, f64::INFINITY, of)?);
+        }
+        let mut event = LinearEvent::nothing(time, x.len(), self.changed.len());
+        event.map = DMatrix::identity(moving + count, x.len());
+        event.map.rows_mut(moving, count).copy_from(&(by * left_inverse(&tangent)));
+        event.push = DMatrix::zeros(moving + count, self.changed.len());
+        for (p, changed) in self.changed.iter_mut().enumerate() {
+            if !matches!(changed.parameter.place(), Place::Motor { .. }) {
+                let (stencil, step, runs) = changed.runs_at(0)?;
+                for (run, weight) in runs.iter_mut().zip(stencil.weights) {
+                    let mut rows = event.push.view_mut((moving, p), (count, 1));
+                    rows += of(run, x)? * (weight / step);
+                }
+            }
+        }
+        Ok(event)
     }
 
     /// The directions in which x can change: those of the nearest states in which the contacts of the mode are closed, its held joints

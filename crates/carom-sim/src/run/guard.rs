@@ -407,6 +407,15 @@ impl Guard {
 }
 
 impl<A: Space> Run<'_, '_, A> {
+    /// The i-th contact changes from loading to unloading, or back.
+    pub fn turn(&mut self, i: usize, unloads: bool) -> Result<(), SimError> {
+        let (gap, _) = self.gap(self.motion.active.lasting[i].touch)?;
+        if let Hold::Presses { deepest, .. } = &mut self.motion.active.lasting[i].hold {
+            *deepest = if unloads { -gap } else { f64::NEG_INFINITY };
+        }
+        Ok(())
+    }
+
     /// What follows the zero of a guard.
     pub fn guard_fired(&mut self, guard: Guard) -> Result<(), SimError> {
         if self.history.is_crowded(self.time, guard.is() == Is::Gap, self.motion.sim) {
@@ -431,19 +440,8 @@ impl<A: Space> Run<'_, '_, A> {
                 let own = self.motion.active.lasting.remove(i);
                 self.note(EventKind::LiftOff { touch: own.touch }, &before);
             }
-            Guard::Turns(i) => {
-                let (gap, _) = self.gap(self.motion.active.lasting[i].touch)?;
-                if let Hold::Presses { deepest, .. } = &mut self.motion.active.lasting[i].hold {
-                    *deepest = -gap;
-                }
-                return Ok(());
-            }
-            Guard::Deepens(i) => {
-                if let Hold::Presses { deepest, .. } = &mut self.motion.active.lasting[i].hold {
-                    *deepest = f64::NEG_INFINITY;
-                }
-                return Ok(());
-            }
+            Guard::Turns(i) => return self.turn(i, true),
+            Guard::Deepens(i) => return self.turn(i, false),
             Guard::MayClose(touch, ceases) => return if ceases { Ok(()) } else { self.refuse_overlap(touch) },
             Guard::Slackens(..) | Guard::Slider(..) => return Ok(()),
             Guard::SlipGrows(_) => return self.motion.started(self.time, &before),

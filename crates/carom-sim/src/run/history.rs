@@ -5,7 +5,7 @@
 //!
 //! | class | number | within | then |
 //! |---|---|---|---|
-//! | [`Class::Leg`] | 300 | a time step; 10 Zeno times where gaps close, because one ball may bounce hundreds of times before it rests | time steps |
+//! | [`Class::Leg`] | 300 | a time step; 10 Zeno times where gaps close or closed just before, because one ball may bounce hundreds of times before it rests | time steps |
 //! | [`Class::Impact`] | 7 | the Zeno time | the rest of them is one impact without restitution, if they accumulate |
 //! | [`Class::NormalForce`] | 2 | the Zeno time | the contact opens |
 //! | [`Class::Jam`] | 9 | no time: each ends the slip of a contact | time steps |
@@ -34,6 +34,8 @@ pub(crate) struct History {
     pub slip_goes_on: bool,
     /// Whether all slips are followed to their exact end.
     pub follows_slips: bool,
+    /// Whether accumulations of impacts end one impact later than their conditions ask for: the run beside, which tells the error of their ends.
+    pub ends_later: bool,
     /// Why the motion in the present mode is not unique, with its contacts.
     pub open: Option<(NonUnique, Vec<usize>)>,
     /// Whether the chain is at rest and stays so.
@@ -96,7 +98,9 @@ impl History {
 
     /// Counts the end of a leg; whether there were too many.
     pub fn is_crowded(&mut self, time: f64, closes: bool, sim: &Simulation) -> bool {
-        let within = if closes { sim.contact_step.min(TAIL * sim.zeno_time) } else { sim.contact_step };
+        let bounce = TAIL * sim.zeno_time;
+        let closes = closes || self.times[Class::Impact as usize].back().is_some_and(|last| time - last < bounce);
+        let within = if closes { sim.contact_step.min(bounce) } else { sim.contact_step };
         self.count(Class::Leg, time).is_some_and(|since| since < within)
     }
 }

@@ -33,6 +33,11 @@ pub(crate) struct Struck {
     pub approach: f64,
 }
 
+/// A damping; none where it is infinite because no joint moves the contact along its normal: the force does not change there.
+fn finite(damping: f64) -> f64 {
+    if damping.is_finite() { damping } else { 0.0 }
+}
+
 impl<A: Space> Run<'_, '_, A> {
     /// A touch has closed, alone or together with others.
     pub fn touch(&mut self, touch: usize) -> Result<(), SimError> {
@@ -186,7 +191,7 @@ impl<A: Space> Run<'_, '_, A> {
         self.motion.active.count_impact(touch, self.motion.sim);
         let before = self.y.clone();
         let old = self.motion.active.lasting.clone();
-        self.press(touch, law.damping(speed, mass));
+        self.press(touch, finite(law.damping(speed, mass)));
         self.note_changes(&old, &before);
         Ok(true)
     }
@@ -197,13 +202,25 @@ impl<A: Space> Run<'_, '_, A> {
         let Some(compliance) = rule.compliance else { return Ok(0.0) };
         let (q, _) = self.q_qd();
         let mass = self.motion.effective_mass(touch, &q, self.time)?;
-        Ok(compliance.normal(rule.law.restitution())?.damping(approach.max(self.motion.scale.slowest()), mass))
+        let law = compliance.normal(rule.law.restitution())?;
+        Ok(finite(law.damping(approach.max(self.motion.scale.slowest()), mass)))
+    }
+
+    /// Sets what the compliant contacts of a start remember: the damping by their approach, and the depth from which they unload, if they do.
+    pub fn remember(&mut self) -> Result<(), SimError> {
+        for k in 0..self.motion.active.lasting.len() {
+            let own = self.motion.active.lasting[k];
+            let Hold::Presses { deepest, .. } = own.hold else { continue };
+            let (gap, rate) = self.gap(own.touch)?;
+            let damping = self.damping(own.touch, -rate)?;
+            let deepest = if deepest.is_finite() { -gap } else { deepest };
+            self.motion.active.lasting[k].hold = Hold::Presses { damping, deepest };
+        }
+        Ok(())
     }
 
     /// The beginning of a compliant contact.
     pub fn press(&mut self, touch: usize, damping: f64) {
-        // Infinite where no joint moves the contact along its normal: the force does not change.
-        let damping = if damping.is_finite() { damping } else { 0.0 };
         let tail = self.motion.sim.chain.nq() + self.motion.sim.chain.nv() + 2;
         if let Some(slot) = self.motion.bristles.iter().position(|&k| k == touch) {
             self.y[tail + 3 * slot..tail + 3 * slot + 3].fill(0.0); // no deflection of the bristle
@@ -418,8 +435,11 @@ impl<A: Space> Run<'_, '_, A> {
             // Bounces that are not higher than the tolerance, or cannot be told from rounding. The error of the step over them is of third
             // order.
             let Motion { sim, scale, .. } = &self.motion;
-            let lowest = (20.0 * scale.rounding()).max(sim.tolerance * scale.reach) * scale.per_touch[one.touch];
-            let (longest, flat) = (sim.zeno_time, rebound * rebound < 2.0 * toward * lowest);
+            // The impact before this one met the conditions.
+            let before = if self.history.ends_later && share < 1.0 { share } else { 1.0 };
+            let lowest = (20.0 * scale.rounding()).max(sim.tolerance * scale.reach * before * before);
+            let flat = rebound * rebound < 2.0 * toward * lowest * scale.per_touch[one.touch];
+            let longest = sim.zeno_time * before;
             // Without loss flat bounces do not accumulate, but they are as many.
             if toward > 0.0 && (share < 1.0 && (remaining < longest || flat) || share < 1.0 + EQUAL && flat) {
                 left = left.max(remaining.min(longest.max(EXACT.cbrt() / scale.pace)));

@@ -14,8 +14,9 @@
 //! ```
 //!
 //! with the largest difference of its kind: of the displacements, of the velocities, of the times of the events so far. It contains all
-//! that depends on the tolerance: the integration, the times of events and the impacts that amplify it, the drift of constraints, the end of an
-//! accumulation of impacts. Rounding adds [`EXACT`] of the size of the kind.
+//! that depends on the tolerance: the integration, the times of events and the impacts that amplify it, the drift of constraints. Rounding adds
+//! [`EXACT`] of the size of the kind. The end of an accumulation of impacts replaces those that are left, and with a small restitution both
+//! tolerances may leave the same ones: the tighter runs compute one impact more.
 //!
 //! **Accumulations of impacts at several contacts** end in an order that the tolerance changes, which is no error that is proportional to
 //! it. Where the events of the two runs differ, but for the number of impacts of an accumulation at one contact, there is a third
@@ -126,7 +127,7 @@ impl Plan {
             error.tighter.push(tighter);
             let none =
                 |time, why: &str| Some(Broken { time, reason: format!("a run with the tolerance {tighter:e} {why}") });
-            let other = match self.tighter(tighter, &summary.statistics).outline(duration, every) {
+            let other = match self.tighter(tighter, &summary.statistics).outline(duration, every, true) {
                 Err(stopped @ SimError::Stopped { .. }) => return Err(stopped),
                 Err(why) => {
                     let time = events.last().map_or(self.simulation.start_time, |event| event.time);
@@ -175,14 +176,20 @@ impl Plan {
         plan
     }
 
-    /// The run, with its samples.
-    pub(super) fn outline(&self, duration: f64, every: Option<f64>) -> Result<Outline, SimError> {
+    /// The run, with its samples; with one impact more before each end of an accumulation if `later`.
+    pub(super) fn outline(&self, duration: f64, every: Option<f64>, later: bool) -> Result<Outline, SimError> {
         let (mut events, mut moments) = (Vec::new(), Vec::new());
-        let summary = self.stream(duration, Sampling { every, ..Sampling::default() }, &mut |seen| match seen {
+        let mut watch = |seen: Seen| match seen {
             Seen::Event(event) => events.push(event.clone()),
             Seen::Moment(moment) => moments.push(moment.clone()),
             _ => {}
-        })?;
+        };
+        let sampling = Sampling { every, ..Sampling::default() };
+        let summary = if later {
+            self.stream_with_later_ends(duration, sampling, &mut watch)?
+        } else {
+            self.stream(duration, sampling, &mut watch)?
+        };
         Ok(Outline { events, moments, summary })
     }
 

@@ -29,7 +29,7 @@ impl Simulation {
         sampling: Sampling,
         watch: &mut dyn FnMut(Seen),
     ) -> Result<Summary, SimError> {
-        go(self, self.in_plane().as_ref(), (q, qd), duration, sampling, watch)
+        go(self, self.in_plane().as_ref(), (q, qd), (duration, false), sampling, watch)
     }
 }
 
@@ -61,21 +61,33 @@ impl Plan {
         sampling: Sampling,
         watch: &mut dyn FnMut(Seen),
     ) -> Result<Summary, SimError> {
-        go(&self.simulation, self.in_plane(), start, duration, sampling, watch)
+        go(&self.simulation, self.in_plane(), start, (duration, false), sampling, watch)
+    }
+
+    /// Runs the plan from its start, with one impact more before each end of an accumulation.
+    pub(super) fn stream_with_later_ends(
+        &self,
+        duration: f64,
+        sampling: Sampling,
+        watch: &mut dyn FnMut(Seen),
+    ) -> Result<Summary, SimError> {
+        go(&self.simulation, self.in_plane(), (&self.q, &self.qd), (duration, true), sampling, watch)
     }
 }
 
-/// Runs in the plane, if one is given, or in space.
+/// Runs in the plane, if one is given, or in space; with later ends of accumulations if `later`.
 fn go(
     simulation: &Simulation,
     flat: Option<&PlanarChain>,
     start: (&[f64], &[f64]),
-    duration: f64,
+    (duration, later): (f64, bool),
     sampling: Sampling,
     watch: &mut dyn FnMut(Seen),
 ) -> Result<Summary, SimError> {
     simulation.check(start.0, start.1, duration, sampling.every)?;
-    in_its_space!(simulation, flat, |A, model| Run::<A>::go(simulation, model, start, duration, sampling, watch))
+    in_its_space!(simulation, flat, |A, model| {
+        Run::<A>::go(simulation, model, start, (duration, later), sampling, watch)
+    })
 }
 
 /// Stores all events and the whole motion of a run.

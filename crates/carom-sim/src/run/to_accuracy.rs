@@ -2,11 +2,13 @@
 //!
 //! The error of an integration is nearly proportional to its tolerance: two runs with loose tolerances, which are cheap, tell the error of
 //! the looser one, and so that of the tighter one and the tolerance for any other error. Each run tells whether this was right for the
-//! one before it. Where two runs have other events, the error is not proportional, and it must be small enough without that assumption.
+//! one before it. Where two runs have other events, the error is not proportional, and it must be small enough without that assumption; so must
+//! that of the ends of accumulations, which a run with one impact more before each tells.
 
 use super::run_error::{Outline, RATIO, steps};
-use super::trajectory::{Event, Summary};
+use super::trajectory::{Event, EventKind, Summary};
 use crate::error::SimError;
+use crate::model::Simulation;
 use crate::plan::Plan;
 use crate::scene::Scene;
 use crate::state::{EXACT, GROWTH};
@@ -34,6 +36,10 @@ pub struct Met {
     pub asked: f64,
     /// The tolerance.
     pub tolerance: f64,
+    /// The longest step that belongs to it, s: a scene with these three numbers has the same run.
+    pub max_step: f64,
+    /// The Zeno time that belongs to it, s.
+    pub zeno_time: f64,
     /// The estimated error of the numbers of the final state and of the times of events: the largest, each in its own unit.
     pub error: f64,
     /// Evaluations of the equation of motion in all runs that have led to it.
@@ -70,7 +76,7 @@ impl Plan {
         let mut tolerance = RATIO * before;
         self.simulation.set_tolerance(before);
         let mut evaluations = 0;
-        let mut attempt = |plan: &Self| match plan.outline(duration, None) {
+        let mut attempt = |plan: &Self, later: bool| match plan.outline(duration, None, later) {
             Err(stopped @ SimError::Stopped { .. }) => Err(stopped),
             Err(why) => Ok(Err(why)),
             Ok(run) => {
@@ -86,23 +92,33 @@ impl Plan {
                 })
             }
         };
-        let mut looser = attempt(&self)?;
+        let mut looser = attempt(&self, false)?;
         loop {
             match &looser {
                 Ok(run) => self = self.tighter(tolerance, &run.summary.statistics),
                 Err(_) => self.simulation.set_tolerance(tolerance),
             }
-            let run = attempt(&self)?;
-            let error = match (&looser, &run) {
+            let run = attempt(&self, false)?;
+            let mut error = match (&looser, &run) {
                 (Ok(looser), Ok(run)) => {
                     let apart = self.apart((&looser.events, &looser.summary.last), run)?;
                     Some(apart.largest() * if apart.same { GROWTH * tolerance / before } else { 1.0 })
                 }
                 _ => None,
             };
+            // Both may end an accumulation after the same impact: its error then is not seen, and does not follow from the tolerance.
+            if let (Ok(run), Some(own)) = (&run, &mut error)
+                && *own <= accuracy
+                && run.events.iter().any(|event| matches!(event.kind, EventKind::Zeno { .. }))
+            {
+                *own = match attempt(&self, true)? {
+                    Ok(later) => own.max(self.apart((&run.events, &run.summary.last), &later)?.largest()),
+                    Err(_) => f64::INFINITY,
+                };
+            }
             if let Some(error) = error.filter(|error| *error <= accuracy) {
                 let Outline { events, summary, .. } = run?;
-                return Ok((self, Met { asked: accuracy, tolerance, error, evaluations, events, summary }));
+                return Ok(self.with(accuracy, error, (evaluations, events, summary)));
             }
             // A loose run that fails, or needs time steps, says nothing of tighter ones, unless the scene asks for them; the tightest tells why.
             if tolerance <= EXACT || self.simulation.stepping {
@@ -111,7 +127,7 @@ impl Plan {
                 let found = self.error_of((duration, None), (&events, &[], &summary))?;
                 let error = found.largest().or(error).unwrap_or(f64::INFINITY);
                 if error <= accuracy {
-                    return Ok((self, Met { asked: accuracy, tolerance, error, evaluations, events, summary }));
+                    return Ok(self.with(accuracy, error, (evaluations, events, summary)));
                 }
                 let why = format!(
                     "with the tolerance {tolerance:e} the estimated error is {error:.1e}, and rounding prevents a tighter one: ask for less, or give tolerance"
@@ -122,6 +138,14 @@ impl Plan {
             (before, looser) = (tolerance, run);
             tolerance = asked.min(RATIO * tolerance).max(EXACT);
         }
+    }
+}
+
+impl Plan {
+    /// The plan, and how it meets an accuracy.
+    fn with(self, asked: f64, error: f64, (evaluations, events, summary): (usize, Vec<Event>, Summary)) -> (Self, Met) {
+        let Simulation { tolerance, max_step, zeno_time, .. } = self.simulation;
+        (self, Met { asked, tolerance, max_step, zeno_time, error, evaluations, events, summary })
     }
 }
 
