@@ -46,7 +46,7 @@ pub struct OrbitCommand {
     #[arg(long, conflicts_with_all = ["cycles", "basin"])]
     branch: bool,
     /// Follow also the orbits of twice the period that begin at the first flip, N times in turn
-    #[arg(long, value_name = "N", default_value_t = 0, requires = "branch")]
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "branch", conflicts_with_all = ["cycles", "basin"])]
     doubled: u8,
     /// Tell the attractor of each start of the grid of [basin]
     #[arg(long, conflicts_with = "cycles", requires = "out")]
@@ -55,10 +55,10 @@ pub struct OrbitCommand {
     #[arg(long, value_name = "N", requires = "out", value_parser = clap::value_parser!(u64).range(1..))]
     cycles: Option<u64>,
     /// Number of cycles before those that --cycles writes
-    #[arg(long, value_name = "N", default_value_t = 0, requires = "cycles")]
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "cycles", conflicts_with_all = ["branch", "basin"])]
     skip: u64,
     /// Number of values of the parameter, evenly from [vary] from to to
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "cycles", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "cycles", conflicts_with_all = ["branch", "basin"], value_parser = clap::value_parser!(u64).range(1..))]
     values: u64,
     /// File to write, of the kind that the ending of its name says; may be repeated
     ///

@@ -42,6 +42,10 @@ pub fn run((file, scene, plan): (&Path, &Scene, &Plan), asked: &Asked, out: &mut
         other => CliError::scene(file, other),
     };
     let ensemble = Ensemble::new(scene, plan, runs).map_err(refuse)?;
+    let no_covariance = |e: SimError| CliError::Input(format!("{}: --covariance: {e}", file.display()));
+    if covariance {
+        ensemble.check_covariance().map_err(no_covariance)?;
+    }
     let (pool, stop) = (options.pool()?, files::interrupts());
     let rows = options.rows(runs, |part, parts| ensemble.shard(part, parts));
     let total = rows.end - rows.start;
@@ -73,7 +77,7 @@ pub fn run((file, scene, plan): (&Path, &Scene, &Plan), asked: &Asked, out: &mut
         return Err(CliError::Input(format!("{}: all runs are refused; {why}", file.display())));
     }
     let covariance = covariance.then(|| ensemble.covariance()).transpose();
-    let covariance = covariance.map_err(|e| CliError::Input(format!("{}: --covariance: {e}", file.display())))?;
+    let covariance = covariance.map_err(no_covariance)?;
     let report = Report { resumed: there - spread.runs, runs: spread, covariance };
     answer_about(file, out, &report, json, for_people)?;
     if let (Some(why), None) = (&report.runs.first_refusal, &report.runs.impacts) {

@@ -415,6 +415,48 @@ fn sensitivities_of_a_start_within_a_contact_equal_differences_of_runs() {
     }
 }
 
+/// A ball rolls over a compliant floor at 20 m/s: its friction changes within a slip of 1 mm/s, which steps of differences must not pass. The ball
+/// comes to stick, and has as much of its spin in the end at any speed.
+#[test]
+fn sensitivities_of_smoothed_friction_do_not_depend_on_the_speed_of_rolling() {
+    let spin = |speed: f64| {
+        let text = format!(
+            "[robot]\nurdf = \"../robots/ball.urdf\"\nfloating = true\ntip = \"ball\"\nq = [0, 0, 0.07, 0, 0, 0, 1]\nqd = [{speed}, 0, -1, 0, {}, 0]\n\
+             [[surface]]\nname = \"floor\"\nshape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}\n[contact]\nrestitution = 0.6\nfriction = 0.5\n\
+             compliance = {{ stiffness = 1e5 }}\n[run]\nduration = 0.1\ngravity = [0, 0, -9.81]\ntolerance = 1e-11\n",
+            speed / 0.05
+        );
+        let plan = with_robots(&text).unwrap().plan().unwrap();
+        let found = plan.sensitivity(0.1, &[]).unwrap();
+        found.last_by.unwrap_or_else(|| panic!("{:?}", found.broken))[(10, 10)]
+    };
+    let slow = spin(0.5);
+    assert!((spin(20.0) - slow).abs() < 1e-6, "{} {slow}", spin(20.0));
+}
+
+/// To raise the only surface is to lower the robot, through impacts, slip and lift-offs, and on a compliant floor.
+#[test]
+fn sensitivities_by_the_height_of_a_floor_are_those_by_the_height_of_the_robot() {
+    let shaken = "motion = { amplitude = [0, 0, 0.02], frequency = 5 }\n[contact]\n";
+    let compliant = "[contact]\ncompliance = { stiffness = 1e4, force = \"kelvin-voigt\", pulls = true }\n";
+    for contact in [shaken, compliant] {
+        let text = format!(
+            "[robot]\nurdf = \"../robots/ball.urdf\"\nfloating = true\ntip = \"ball\"\nq = [0, 0, 0.15, 0, 0, 0, 1]\nqd = [0.7, 0.2, 0, 1, -3, 2]\n\
+             [[surface]]\nname = \"floor\"\nshape = {{ halfspace = {{ point = [0, 0, 0], normal = [0.1, 0, 1] }} }}\n{contact}law = \"newton\"\n\
+             restitution = 0.1\nfriction = 0.2\n[run]\nduration = 0.5\ngravity = [0, 0, -9.81]\ntolerance = 1e-11\n"
+        );
+        let scene = with_robots(&text).unwrap();
+        let height = scene.parameter("surface[0].shape.halfspace.point[2]").unwrap();
+        let found = scene.plan().unwrap().sensitivity(0.5, &[height]).unwrap();
+        let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
+        assert!(kinds.contains(&"lift-off"), "{kinds:?}");
+        let by = found.last_by.unwrap_or_else(|| panic!("{:?}", found.broken));
+        // Both together move the end by as much, and change neither turn nor velocity.
+        let apart = (3..12).map(|row| (by[(row, 12)] + by[(row, 2)]).abs()).fold(0.0, f64::max);
+        assert!(apart < 1e-6 * by.amax(), "{contact}: {apart:e} of {:e}", by.amax());
+    }
+}
+
 /// Grazing, impacts of independent contacts at the same time, an impact at the start, and time steps are named.
 #[test]
 fn where_there_is_no_derivative_the_reason_is_told() {

@@ -314,13 +314,7 @@ impl<'s> Ensemble<'s> {
             let none = DMatrix::zeros(names.len(), names.len());
             if *count == 0 { none } else { squares / (*count.max(&2) - 1) as f64 }
         };
-        let by: Vec<String> = ["q", "qd"]
-            .map(String::from)
-            .into_iter()
-            .chain(self.given.numbers.iter().map(|it| it.path.clone()))
-            .collect();
-        let unknown = |rule| SimError::Scene { file: String::new(), rule };
-        let columns = Columns::of(self.plan, &by, |path| self.scene.parameter(path), unknown)?;
+        let columns = self.differentiated()?;
         let found = columns.of_all(self.plan.sensitivity(self.scene.duration, &columns.parameters)?);
         // Of the numbers of the start that the plan keeps.
         let sizes = self.kept(&self.given.q).into_iter().chain(self.kept(&self.given.qd));
@@ -342,6 +336,21 @@ impl<'s> Ensemble<'s> {
         let event_times = event_times.collect();
         let broken = found.broken.map(|it| format!("at {} s {}", it.time, it.reason));
         Ok(Covariance { names, sampled: rows(&sampled), linear, event_times, broken })
+    }
+
+    /// The start and the numbers that are disturbed, by which runs are differentiated: [`Ensemble::covariance`] needs them.
+    ///
+    /// # Errors
+    /// A number of the scene by which a run has no derivatives.
+    pub fn check_covariance(&self) -> Result<(), SimError> {
+        self.differentiated().map(drop)
+    }
+
+    fn differentiated(&self) -> Result<Columns, SimError> {
+        let numbers = self.given.numbers.iter().map(|it| it.path.clone());
+        let by: Vec<String> = ["q", "qd"].map(String::from).into_iter().chain(numbers).collect();
+        let unknown = |rule| SimError::Scene { file: String::new(), rule };
+        Columns::of(self.plan, &by, |path| self.scene.parameter(path), unknown)
     }
 
     /// Of numbers for each velocity of the scene those of the velocities that the plan keeps.

@@ -48,6 +48,11 @@ pub(crate) fn given_twice<'p>(with: &toml::Table, mut paths: impl Iterator<Item 
     paths.find(|path| with.keys().any(|key| key == *path || is_within(with, key, path)))
 }
 
+/// Whether a name is the path of a key.
+pub(crate) fn is_path(name: &str) -> bool {
+    name.contains(['.', '['])
+}
+
 /// Whether a path leads to the start of a scene.
 pub(crate) fn is_of_start(path: &str) -> bool {
     let (table, key) = path.split_once('.').unwrap_or((path, ""));

@@ -389,6 +389,13 @@ fn what_cannot_be_reached_and_wrong_problems_are_told() {
                 .into(),
             "value = \"z - e\" has e without braces, which is a constant or a function of formulas: write {e}",
         ),
+        (
+            "[[unknown]]\nname = \"mass.z\"\nfirst = 0.5\nset = { \"contact.restitution\" = \"{mass.z}\" }\n\
+             [[condition]]\nvalue = \"z\"\nequals = 1\n"
+                .into(),
+            "name = \"mass.z\": formulas have this name for a link",
+        ),
+        (format!("with = {{ \"run.max_events\" = 1 }}\n{unknown}{height}"), "max_events is 1: the motion ends before"),
         (format!("{unknown}[[condition]]\nvalue = \"impulse\"\nequals = 1\n"), "which an impact has: name its contact"),
         (format!("{unknown}[[condition]]\nvalue = \"z\"\nimpact = 1\nequals = 1\n"), "belong to a contact"),
         (

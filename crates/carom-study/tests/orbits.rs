@@ -411,6 +411,43 @@ fn a_branch_of_one_orbit_has_a_picture() {
     assert!(branch.diagram(&[], &columns, "speed").is_none() && branch.diagram(&[], &columns, "stability").is_none());
 }
 
+/// A damped mass on a spring comes to rest, and every section through its rest is passed by its oscillation: Newton's method leads to the rest,
+/// which has no period. A wall that shakes beside it makes no orbit of `modulo` coordinates either, on whichever side it is.
+#[test]
+fn a_state_at_rest_and_a_coordinate_that_returns_are_no_orbits() {
+    let robot = |damping: f64| {
+        let body = mass("m", 1.0, 0.0, 0.01).replace("FEET", &foot([0.0; 3]));
+        let slide = joint("x", "prismatic", ["world", "m"], "1 0 0");
+        let slide = slide.replace("</joint>", &format!("<dynamics damping=\"{damping}\"/></joint>"));
+        format!("<robot name=\"mass\"><link name=\"world\"/>{body}{slide}</robot>")
+    };
+    let scene = |start: f64, more: &str| {
+        format!(
+            "[robot]\nurdf = \"robot.urdf\"\nq = [{start}]\n[[spring]]\njoint = \"x\"\nstiffness = 100\n{more}\
+             [run]\nduration = 5\ngravity = [0, 0, 0]\n"
+        )
+    };
+    let told = |found: Result<Case, OrbitError>| {
+        found.and_then(|case| case.find()).err().map(|e| e.to_string()).unwrap_or_default()
+    };
+    for section in ["rising", "falling"] {
+        let keys = format!("section.{section} = \"{{qd x}}\"");
+        let error = told(problem(&robot(0.5), &scene(0.3, ""), &keys));
+        assert!(error.contains("a state at rest has no period"), "{section}: {error}");
+    }
+    for side in [1.0, -1.0] {
+        let wall = format!(
+            "[[surface]]\nname = \"wall\"\nshape = {{ halfspace = {{ point = [{}, 0, 0], normal = [{}, 0, 0] }} }}\n\
+             motion = {{ amplitude = [0.02, 0, 0], frequency = 2 }}\n[contact]\nlaw = \"newton\"\nrestitution = 0.6\n",
+            0.05 * side,
+            -side
+        );
+        let keys = "section.period = 0.5\norbit.before = 20\norbit.modulo = [\"x\"]";
+        let error = told(problem(&robot(0.5), &scene(-0.012 * side, &wall), keys));
+        assert!(error.contains("the motion depends on x"), "{side}: {error}");
+    }
+}
+
 /// What is wrong is told with the key, the value and what there is.
 #[test]
 fn wrong_problems_are_refused_with_key_value_and_rule() {
@@ -452,6 +489,10 @@ fn wrong_problems_are_refused_with_key_value_and_rule() {
         (
             "section.contact = \"left_leg\"\nwith = { \"run.duration\" = 9 }\nvary = { parameter = \"s\", from = 1, to = 2, set = { \"run.duration\" = \"4 * s\" } }",
             "with: run.duration: [vary] or [basin] replaces this number at each value",
+        ),
+        (
+            "section.contact = \"left_leg\"\nvary = { parameter = \"contact.friction\", from = 0, to = 1, set = { \"contact.restitution\" = \"{contact.friction}\" } }",
+            "parameter = \"contact.friction\": with set it is the name of a variable",
         ),
         ("section.contact = \"left_leg\"\norbit.cycle = 3", "unknown field `cycle`"),
         ("section.contact = \"left_leg\"\nvary = { parameter = \"run.speed\", from = 0, to = 1 }", "run.speed"),

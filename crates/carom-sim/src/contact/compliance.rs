@@ -162,6 +162,11 @@ impl Compliance {
         matches!(self.normal, Yielding::HuntCrossley { exponent, .. } if exponent != 1.0)
     }
 
+    /// The slip speed, m/s, over which smoothed friction changes.
+    pub(crate) fn slip_speed(&self) -> Option<f64> {
+        if let Holding::Smoothed { slip_speed } = self.tangential { Some(slip_speed) } else { None }
+    }
+
     pub(crate) fn has_bristle(&self) -> bool {
         matches!(self.tangential, Holding::Bristle { .. })
     }

@@ -205,7 +205,7 @@ impl<A: Space> Motion<'_, A> {
     }
 
     /// The kinks of the contact forces: zeros of the [slips](Self::sliding), m/s, of the depths and speeds of compliant contacts beyond those at
-    /// which their normal forces have kinks, m or m/s, and the limits of sliders of bristles, N.
+    /// which their normal forces have kinks, m or m/s, the limits of sliders of bristles, N, and slips within which smoothed friction changes, m/s.
     pub fn kinks(&mut self, time: f64, y: &[f64]) -> Result<Vec<Kink>, SimError> {
         let mut found: Vec<Kink> = self.sliding(time, y)?.into_iter().map(Kink::zero).collect();
         for k in 0..self.active.lasting.len() {
@@ -217,6 +217,7 @@ impl<A: Space> Motion<'_, A> {
             let slack = own.slack(&self.sim.touches[own.touch].contact, (gap, rate));
             let zeros = [Some(gap), slack.map(Slack::value)];
             found.extend(zeros.into_iter().flatten().map(|zero| Kink::zero(Vector3::x() * zero)));
+            found.extend(self.smoothed(k, (time, y))?);
             // While the slider of a bristle slips, the direction of its force changes as that of slip does.
             if let Some(grip) = self.grip(k, (time, y))? {
                 let left = 0.5 * grip.margin().abs();
@@ -225,6 +226,19 @@ impl<A: Space> Motion<'_, A> {
             }
         }
         Ok(found)
+    }
+
+    /// The slip of a compliant contact with smoothed friction, which changes over its slip speed.
+    fn smoothed(&mut self, index: usize, (time, y): (f64, &[f64])) -> Result<Option<Kink>, SimError> {
+        let touch = &self.sim.touches[self.active.lasting[index].touch];
+        let speed = touch.contact.compliance.and_then(|it| it.slip_speed());
+        let Some(speed) = speed.filter(|_| touch.contact.law.friction() > 0.0) else { return Ok(None) };
+        let (q, qd) = self.sim.split(y);
+        let view = self.view(q)?;
+        let Some(place) = touch.at(&view, q, time).surface else { return Ok(None) };
+        let u = touch.u(&place, &view, qd, time)?;
+        let at = u - place.normal * place.normal.dot(&u);
+        Ok(Some(Kink { left: speed.hypot(at.norm()), at }))
     }
 
     /// Whether a compliant contact whose force has the slope of a root at its closing is less deep at the first, or at the last, of these states

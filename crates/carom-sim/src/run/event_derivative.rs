@@ -44,7 +44,8 @@ const GRAZING: f64 = 1e-7;
 /// An event whose guard changes by less than this in that time has no derivative of its time that is told: the error of S,
 /// about 1e-8, is divided by this rate.
 const FAINT: f64 = 1e-3;
-/// The share of its approach speed by which an impact may be slower beside the motion.
+/// The share of its approach speed by which an impact may be slower beside the motion, and of the time in which the state changes by its own
+/// size by which an event may be later.
 const SLOWER: f64 = 1e-2;
 /// How often the step of a parameter is shortened to a tenth for a slow impact, at most: seven digits are left then.
 const FINEST: usize = 4;
@@ -119,14 +120,17 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
         let acting =
             |changed: &Changed<A>| !is_closed(changed) && changed.acts(before.time.next_down(), after.time.next_up());
         let acting: Vec<usize> = (0..parameters).filter(|&p| acting(&self.changed[p])).collect();
-        // A parameter may make a slow impact so much later, with the same motion, that it is another one: the change of the motion by the
+        // A parameter may make an event so much later, with the same motion, that it is another one: the change of the motion by the
         // parameter compensates most of that. Such a parameter is changed together with the motion, along (S, 1) instead of (0, 1).
         let (mut changes, mut together) = (Vec::with_capacity(acting.len()), Vec::new());
         for p in acting {
             let mut own = DVector::zeros(before.x.len());
             let mut time_by = self.time_by(&own, Some((p, 0)), &before)?;
             let mut shorter = 0;
-            if self.share_by((&own, time_by), p, &before)? < 1.0 {
+            // One that may move surfaces or loops changes the state with them.
+            if matches!(self.changed[p].parameter.place(), Place::Anywhere)
+                || self.share_by((&own, time_by), p, &before)? < 1.0
+            {
                 if let Some(s) = each.columns() {
                     own = s.column(s.ncols() - parameters + p).into_owned();
                 }
@@ -323,8 +327,8 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
         Ok(moved - &after.f * later)
     }
 
-    /// By what the step `h` is too long: the approach speed of a slow impact changes by as much as itself within a small change of
-    /// the state, and the outcome is not smooth beyond that.
+    /// By what the step `h` is too long: the event is later by a time in which the state changes, or the approach speed of a slow impact changes by as
+    /// much as itself within a small change of the state, and the outcome is not smooth beyond that.
     fn share(
         &mut self,
         before: &Before,
@@ -332,15 +336,16 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
         parameter: Option<By>,
         h: f64,
     ) -> Result<f64, Stop> {
-        let Before { guard: Some(guard), normal: Some(_), time, .. } = *before else { return Ok(1.0) };
         let (stencil, h) = self.stencil(parameter, h)?;
+        let later = (SLOWER / (self.pace(before.x.as_slice()) * (time_by * h).abs())).min(1.0);
+        let Before { guard: Some(guard), normal: Some(_), time, .. } = *before else { return Ok(later) };
         let k = stencil.beside();
         let run = self.beside(parameter, k)?;
         let step = stencil.at[k] * h;
         run.motion.active.clone_from(&before.active);
         let beside = &before.x + along * step;
         let there = rate(run, guard, (time + time_by * step, beside.as_slice()), (&before.f, DIFFERENCE))?;
-        Ok((SLOWER * before.rate.abs() / (there - before.rate).abs()).min(1.0))
+        Ok((SLOWER * before.rate.abs() / (there - before.rate).abs()).min(later))
     }
 
     /// The same of the step of a parameter, and of the motion by `own` with it.

@@ -407,11 +407,18 @@ impl Guard {
 }
 
 impl<A: Space> Run<'_, '_, A> {
-    /// The i-th contact changes from loading to unloading, or back.
+    /// The i-th contact changes from loading to unloading, or back. The time of the change is as exact as the dense output, so that the greatest depth
+    /// follows from the depth then, its rate and its acceleration: derivatives of the run depend on it in first order.
     pub fn turn(&mut self, i: usize, unloads: bool) -> Result<(), SimError> {
-        let (gap, _) = self.gap(self.motion.active.lasting[i].touch)?;
+        let touch = self.motion.active.lasting[i].touch;
+        let mut depth = f64::NEG_INFINITY;
+        if unloads {
+            let (gap, rate) = self.gap(touch)?;
+            let opens = self.motion.gap_acceleration(touch, self.time, &self.y)?;
+            depth = -gap + if opens > 0.0 { 0.5 * rate * rate / opens } else { 0.0 };
+        }
         if let Hold::Presses { deepest, .. } = &mut self.motion.active.lasting[i].hold {
-            *deepest = if unloads { -gap } else { f64::NEG_INFINITY };
+            *deepest = depth;
         }
         Ok(())
     }

@@ -2,7 +2,7 @@
 //!
 //! The error of an integration is nearly proportional to its tolerance: two runs with loose tolerances, which are cheap, tell the error of
 //! the looser one, and so that of the tighter one and the tolerance for any other error. Each run tells whether this was right for the
-//! one before it. Where two runs have other events, the error is not proportional, and it must be small enough without that assumption; so must
+//! one before it: how the error has fallen so far is how it is taken to fall. Where two runs have other events, the error is not proportional, and it must be small enough without that assumption; so must
 //! that of the ends of accumulations, which a run with one impact more before each tells.
 
 use super::run_error::{Outline, RATIO, steps};
@@ -75,7 +75,7 @@ impl Plan {
         let mut before = (LOOSE * accuracy).clamp(EXACT / RATIO, LOOSEST);
         let mut tolerance = RATIO * before;
         self.simulation.set_tolerance(before);
-        let mut evaluations = 0;
+        let (mut evaluations, mut before_that) = (0, None::<(f64, f64)>);
         let mut attempt = |plan: &Self, later: bool| match plan.outline(duration, None, later) {
             Err(stopped @ SimError::Stopped { .. }) => Err(stopped),
             Err(why) => Ok(Err(why)),
@@ -99,13 +99,18 @@ impl Plan {
                 Err(_) => self.simulation.set_tolerance(tolerance),
             }
             let run = attempt(&self, false)?;
-            let mut error = match (&looser, &run) {
-                (Ok(looser), Ok(run)) => {
-                    let apart = self.apart((&looser.events, &looser.summary.last), run)?;
-                    Some(apart.largest() * if apart.same { GROWTH * tolerance / before } else { 1.0 })
-                }
-                _ => None,
-            };
+            let share = tolerance / before;
+            let (mut error, mut expected) = (None, None);
+            if let (Ok(looser), Ok(run)) = (&looser, &run) {
+                let apart = self.apart((&looser.events, &looser.summary.last), run)?;
+                let most = apart.largest();
+                // The power of the tolerance with which the error falls, as the runs before show it.
+                let power = before_that.map_or(0.0, |(earlier, share)| (most / earlier).ln() / share.ln());
+                let falls = |power: f64| if apart.same { (GROWTH * share.powf(power)).min(1.0) } else { 1.0 };
+                error = Some(most * falls(power.clamp(0.0, 1.0)));
+                expected = Some(most * falls(1.0));
+                before_that = Some((most, share)).filter(|_| apart.same && most > 0.0);
+            }
             // Both may end an accumulation after the same impact: its error then is not seen, and does not follow from the tolerance.
             if let (Ok(run), Some(own)) = (&run, &mut error)
                 && *own <= accuracy
@@ -134,7 +139,7 @@ impl Plan {
                 );
                 return Err(unmet(accuracy, why));
             }
-            let asked = error.map_or(f64::INFINITY, |error| tolerance * accuracy / error);
+            let asked = expected.map_or(f64::INFINITY, |error| tolerance * accuracy / error);
             (before, looser) = (tolerance, run);
             tolerance = asked.min(RATIO * tolerance).max(EXACT);
         }

@@ -247,6 +247,9 @@ impl Scene {
             (Some(_), Some(_)) => {
                 return Err(refuse("[run] accuracy chooses the tolerance: give one of tolerance and accuracy".into()));
             }
+            (_, Some(_)) if run.zeno_time.is_some() => {
+                return Err(refuse("[run] accuracy chooses the Zeno time, too: remove zeno_time".into()));
+            }
             (_, Some(accuracy)) if !(accuracy > 0.0 && accuracy.is_finite()) => {
                 return Err(refuse(format!("[run] accuracy = {accuracy}: it must be positive and finite")));
             }

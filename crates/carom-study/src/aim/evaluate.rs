@@ -10,7 +10,7 @@ use super::problem::{Place, Problem};
 use super::segments::Part;
 use super::unknown::{FirstState, Given, from_to};
 use super::{AimError, Happened};
-use carom_sim::{ByOutcome, Event, LinearRun, Moment, Parameter, Sampling, Seen, SimError, Simulation};
+use carom_sim::{ByOutcome, Event, LinearRun, Moment, Parameter, Sampling, Seen, SimError, Simulation, StopReason};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -381,6 +381,14 @@ fn run(part: &Part, unknowns: &[f64], along: &[&Function]) -> Result<(Moment, Ve
         }
         _ => {}
     })?;
+    if ran.stop == StopReason::Events {
+        let value = plan.simulation.max_events as f64;
+        return Err(SimError::Setting {
+            what: "max_events",
+            value,
+            rule: "the motion ends before its duration: raise it",
+        });
+    }
     failed.map_or(Ok((ran.last, events, sums)), Err)
 }
 

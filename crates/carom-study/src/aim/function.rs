@@ -77,13 +77,8 @@ impl Function {
                 "impulse" | "lost" => return Err(refuse(format!("has {name}, which an impact has: name its contact"))),
                 _ => {}
             }
-            if let Some((link, part)) = name.rsplit_once('.')
-                && let Ok(frame) = sim.chain.frame(link)
-            {
-                let (is_speed, axis) = part.strip_prefix('v').map_or((false, part), |axis| (true, axis));
-                if let Some(axis) = ["x", "y", "z"].iter().position(|own| *own == axis) {
-                    return Ok(if is_speed { Variable::Speed(frame, axis) } else { Variable::Place(frame, axis) });
-                }
+            if let Some(found) = of_link(name, sim) {
+                return Ok(found);
             }
             let known: Vec<&str> = states.iter().map(|(name, _)| name.as_str()).collect();
             let own: Vec<&str> = unknowns.iter().map(String::as_str).collect();
@@ -96,6 +91,11 @@ impl Function {
         };
         let variables = read.names().iter().map(find).collect::<Result<_, _>>()?;
         Ok(Self { formula: read, variables })
+    }
+
+    /// Whether this name is that of a coordinate or a velocity of a link.
+    pub fn is_of_link(name: &str, sim: &Simulation) -> bool {
+        of_link(name, sim).is_some()
     }
 
     pub fn is_constant(&self) -> bool {
@@ -163,6 +163,15 @@ impl Function {
         }
         Ok(slope)
     }
+}
+
+/// `LINK.x` and `LINK.vx`.
+fn of_link(name: &str, sim: &Simulation) -> Option<Variable> {
+    let (link, part) = name.rsplit_once('.')?;
+    let frame = sim.chain.frame(link).ok()?;
+    let (is_speed, axis) = part.strip_prefix('v').map_or((false, part), |axis| (true, axis));
+    let axis = ["x", "y", "z"].iter().position(|own| *own == axis)?;
+    Some(if is_speed { Variable::Speed(frame, axis) } else { Variable::Place(frame, axis) })
 }
 
 impl Variable {

@@ -195,6 +195,10 @@ impl Problem {
             let why = "formulas have this name for the motion: choose another name";
             return Err(refuse(format!("[[unknown]] name = \"{taken}\": {why}")));
         }
+        if let Some(taken) = names.iter().find(|name| Function::is_of_link(name, sim)) {
+            let why = "formulas have this name for a link of the robot: choose another name";
+            return Err(refuse(format!("[[unknown]] name = \"{taken}\": {why}")));
+        }
         let function = |formula: &str, place: &Place| {
             let read = Function::of(formula, sim, &names, place.is_impact())?;
             if read.is_constant() && !matches!(place, Place::Along) {

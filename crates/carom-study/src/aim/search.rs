@@ -111,6 +111,8 @@ impl Problem {
         let slopes = self.slopes(&first, &values)?.scaled(&sizes);
         let mut here = Place { u: first.clone(), values, slopes };
         let has_cost = self.has_cost();
+        // Squares fall to the square of what rounding leaves of them.
+        let first_cost = self.cost(&here.values).abs();
         let bends = self.costs.iter().any(|cost| !cost.squared);
         let mut weight = 1.0;
         if has_cost {
@@ -160,7 +162,7 @@ impl Problem {
                 }
             }
             let cost = self.cost(&here.values);
-            let scale = if met { cost.abs() } else { weight * miss };
+            let scale = if met { cost.abs().max(LEAST * first_cost) } else { weight * miss };
             if solved.promised <= LEAST * scale && solved.d.amax() < 0.5 * radius {
                 if curvature.renew(steps.len()) {
                     continue;

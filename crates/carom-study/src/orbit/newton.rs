@@ -3,13 +3,13 @@
 //! With r = P(x) − x the step δ solves (1 − DP) δ = r; x + δ is reached from P(x), which is on the constraints, by δ − r, and then moved to
 //! the nearest state in which the contacts of the section are closed.
 
-use super::problem::{ByParameter, Problem, Timed};
+use super::problem::{ByParameter, Problem, Section, Timed};
 use super::return_map::Differentiated;
 use super::{Orbit, OrbitError, Stability, State};
 use carom_chain::Chain;
 use carom_impact::least_norm;
-use carom_sim::SimError;
-use nalgebra::{Complex, DMatrix, DVector};
+use carom_sim::{Moment, SimError};
+use nalgebra::{Complex, DMatrix, DVector, Schur};
 
 /// Steps of Newton's method at most.
 pub(super) const STEPS: usize = 40;
@@ -22,6 +22,8 @@ const MOVED: f64 = 0.1;
 const DEPENDS: f64 = 1e-6;
 /// Residuals are shares of x, or of this share of the start of the scene.
 const SMALL: f64 = 1e-3;
+/// The share of a period after which a motion has moved.
+const SOON: f64 = 0.01;
 
 /// A state with P and its derivatives there.
 #[derive(Clone)]
@@ -33,6 +35,8 @@ pub(super) struct Look {
     /// Its largest component, velocities times the period, and the same as a share of the size of x.
     pub most: f64,
     pub size: f64,
+    /// The size of x, m, rad.
+    pub scale: f64,
 }
 
 impl Problem {
@@ -62,25 +66,53 @@ impl Problem {
         let chain = &plan.simulation.chain;
         let names = plan.simulation.state_names();
         for &k in &self.modulo {
-            let mut by = vec![0.0; chain.nv()];
-            by[k] = MOVED;
-            let q = chain.integrate(&start.q, &by, 1.0).map_err(SimError::from)?;
-            let moved = State { q, qd: start.qd.clone() };
-            // A start that is not admissible is told by the run itself.
-            let (Ok(own), Ok(other)) = (self.period(plan, start), self.period(plan, &moved)) else { continue };
+            let mut unit = vec![0.0; chain.nv()];
+            unit[k] = 1.0;
+            // A start that is not admissible is told by the run itself; a change may lead into a surface.
+            let Ok(own) = self.period(plan, start) else { continue };
+            let beside = [MOVED, -MOVED, SMALL, -SMALL].into_iter().find_map(|by| {
+                let q = chain.integrate(&start.q, &unit, by).ok()?;
+                Some((by, self.period(plan, &State { q, qd: start.qd.clone() }).ok()?))
+            });
+            let name = names[k].strip_prefix("q ").unwrap_or(&names[k]);
+            let (by, other) = beside.ok_or_else(|| {
+                let why = "no motion beside the orbit tells whether it depends on it";
+                self.refusal(format!(
+                    "[orbit] modulo: from {name} ± {MOVED} and ± {SMALL} the motion does not return, so that {why}"
+                ))
+            })?;
             let mut change = vec![("the period".to_owned(), (other.time - own.time) / own.time)];
             let moved = difference(chain, &own.end, &other.end)?;
             let size = own.end.qd.iter().fold(1.0, |most: f64, v| most.max(v.abs()));
             change.extend(self.unknown(moved.len()).into_iter().map(|row| (names[row].clone(), moved[row] / size)));
-            if let Some((what, by)) = change.into_iter().find(|(_, by)| by.abs() > DEPENDS) {
-                let name = names[k].strip_prefix("q ").unwrap_or(&names[k]);
+            if let Some((what, share)) = change.into_iter().find(|(_, share)| share.abs() > DEPENDS) {
                 return Err(self.refusal(format!(
-                    "[orbit] modulo: the motion depends on {name}, so that it must return: from {name} + {MOVED} {what} changes by a share of \
-                     {by:.1e} in a period; leave {name} out of modulo, and if it turns on, subtract the turn by relabel, as {name} = \"{name}-2*PI\""
+                    "[orbit] modulo: the motion depends on {name}, so that it must return: from {name} changed by {by} {what} changes by a share of \
+                     {share:.1e} in a period; leave {name} out of modulo, and if it turns on, subtract the turn by relabel, as {name} = \"{name}-2*PI\""
                 )));
             }
         }
         Ok(())
+    }
+
+    /// # Errors
+    /// [`OrbitError::File`]: the state on a section of a function is one at rest, which has no period.
+    fn check_motion(&self, plan: &Timed, found: &Look) -> Result<(), OrbitError> {
+        if !matches!(self.section, Section::Rising { .. }) {
+            return Ok(());
+        }
+        let mut session = self.session(plan, &found.x)?;
+        session.advance(SOON * found.found.period.time)?;
+        let Moment { q, qd, .. } = session.moment();
+        let moved = difference(&plan.simulation.chain, &found.x, &State { q, qd })?;
+        let (nv, time) = (plan.simulation.chain.nv(), found.found.period.time);
+        let most =
+            moved.iter().enumerate().map(|(k, by)| (by * if k < nv { 1.0 } else { time }).abs()).fold(0.0, f64::max);
+        if most > SOON * DEPENDS * found.scale {
+            return Ok(());
+        }
+        let why = "the motion near the start comes to rest, and a state at rest has no period: start nearer to an orbit, or choose another section";
+        Err(self.refusal(format!("[section] {}: {why}", self.section.name())))
     }
 
     /// The orbit near the start of the scene, at the first value of the parameter.
@@ -94,6 +126,7 @@ impl Problem {
             None => self.find_from(plan, start, None),
         }?;
         self.check_modulo(plan, &found.0.x)?;
+        self.check_motion(plan, &found.0)?;
         Ok(found)
     }
 
@@ -177,8 +210,8 @@ impl Problem {
         let first = plan.q.iter().copied().chain(plan.qd.iter().map(|v| time * v));
         let scale = first.fold(scale, |most: f64, number| most.max(SMALL * number.abs()));
         let most = (0..r.len()).map(|k| (r[k] * weight(k)).abs()).fold(0.0, f64::max);
-        let size = if most == 0.0 { 0.0 } else { most / scale };
-        Ok(Look { x, found, r, most, size })
+        let scale = scale.max(SMALL * SMALL);
+        Ok(Look { x, found, r, most, size: most / scale, scale })
     }
 
     /// The numbers of a change of a state that must return.
@@ -235,7 +268,15 @@ impl Problem {
 
     /// The eigenvalues of DP without `modulo` coordinates, by decreasing absolute value.
     pub(super) fn multipliers(&self, map: &DMatrix<f64>) -> Vec<Complex<f64>> {
-        let mut found: Vec<Complex<f64>> = self.returning(map).complex_eigenvalues().iter().copied().collect();
+        // The QR iteration of nalgebra may go on without end in blocks of numbers that are rounding: then with less accuracy.
+        let returning = self.returning(map);
+        let accuracies = (0..8).map(|k| f64::EPSILON * 10f64.powi(k));
+        let most = returning.len().max(1) * STEPS;
+        let schur = accuracies.map(|accuracy| Schur::try_new(returning.clone(), accuracy, most)).find_map(|it| it);
+        let mut found: Vec<Complex<f64>> = match schur {
+            Some(schur) => schur.complex_eigenvalues().iter().copied().collect(),
+            None => returning.complex_eigenvalues().iter().copied().collect(),
+        };
         found.sort_by(|a, b| b.norm().total_cmp(&a.norm()).then(b.im.total_cmp(&a.im)));
         found
     }

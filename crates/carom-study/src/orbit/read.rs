@@ -247,6 +247,12 @@ fn vary(keys: &VaryKeys, section: &Section) -> Result<Vary, String> {
             "{path}: the start and the duration are no part of an orbit, which is looked for near the start: vary another number"
         ));
     }
+    if !set.is_empty() && problem_file::is_path(parameter) {
+        return Err(format!(
+            "parameter = \"{parameter}\": with set it is the name of a variable, and no key of the scene: choose a name, and give set.\"{parameter}\", \
+             too"
+        ));
+    }
     let mut set = formulas(set, &[parameter])?;
     let period = set.iter().position(|(key, _)| key == "section.period").map(|k| set.remove(k).1);
     if period.is_some() && !matches!(section, Section::After(_)) {
@@ -285,6 +291,11 @@ impl Problem {
             |formula: &String| Formula::of(formula, &[]).is_ok_and(|it| it.names().iter().any(|name| name == what));
         let is_parameter = self.vary.as_ref().is_some_and(|vary| vary.name == *what);
         let (means, unit) = match of_state {
+            _ if set.values().any(is_variable) && problem_file::is_path(what) => {
+                return Err(refuse(format!(
+                    "what = \"{what}\": set has it as a variable, and it would be no key of the scene: choose a name, and give set.\"{what}\", too"
+                )));
+            }
             _ if set.values().any(is_variable) => (Means::Variable, ""),
             Some(_) if is_parameter => {
                 return Err(refuse(format!(
@@ -293,7 +304,7 @@ impl Problem {
             }
             Some((index, _)) => (Means::State(index), self.state_columns().get(index).map_or("", |column| column.unit)),
             None if is_parameter => (Means::Parameter, ""),
-            None if what.contains(['.', '[']) => (Means::Key, ""),
+            None if problem_file::is_path(what) => (Means::Key, ""),
             None => {
                 let refused = LinearFunction::of(&format!("{{{what}}}"), chain).err().unwrap_or_default();
                 let known = refused.split_once("': there are ").map_or("", |(_, known)| known);

@@ -29,6 +29,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The rate at the start is that after this share of the passage.
 const AT_ONCE: f64 = 1e-12;
+/// No passage is shorter, as a share of the duration of the scene: a start on the section is below it by rounding.
+const SHORTEST: f64 = 1e-9;
 
 /// A passage from a state on the section to the next, or a period: its passages together.
 #[derive(Clone)]
@@ -113,7 +115,7 @@ impl Problem {
         let mut session = own.start()?;
         let (longest, from) = (plan.longest, session.time());
         let mut events = Vec::new();
-        let mut seen = Crossing::new(&self.section, start.q.len());
+        let mut seen = Crossing::new(&self.section, start.q.len(), from + SHORTEST * longest);
         let ends = |event: &Event| match &self.section {
             Section::Contact { touches, .. } => event.struck().any(|touch| touches.contains(&touch)),
             _ => false,
@@ -288,6 +290,8 @@ struct Crossing<'s> {
     section: &'s Section,
     /// The length of q.
     nq: usize,
+    /// The time until which it is that of the start.
+    since: f64,
     below: bool,
     found: Option<f64>,
     rate: f64,
@@ -296,8 +300,8 @@ struct Crossing<'s> {
 }
 
 impl<'s> Crossing<'s> {
-    fn new(section: &'s Section, nq: usize) -> Self {
-        Self { section, nq, below: false, found: None, rate: 0.0, jumps: None }
+    fn new(section: &'s Section, nq: usize, since: f64) -> Self {
+        Self { section, nq, since, below: false, found: None, rate: 0.0, jumps: None }
     }
 
     fn at(&self, state: &[f64]) -> f64 {
@@ -354,7 +358,7 @@ impl<'s> Crossing<'s> {
                 self.found = Some(high);
                 return;
             }
-            self.below |= value < -rounding;
+            self.below |= value < -rounding && time > self.since;
             last = time;
         }
     }
