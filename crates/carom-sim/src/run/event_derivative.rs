@@ -127,10 +127,10 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
             let mut own = DVector::zeros(before.x.len());
             let mut time_by = self.time_by(&own, Some((p, 0)), &before)?;
             let mut shorter = 0;
-            // One that may move surfaces or loops changes the state with them.
-            if matches!(self.changed[p].parameter.place(), Place::Anywhere)
-                || self.share_by((&own, time_by), p, &before)? < 1.0
-            {
+            // One that may move surfaces on which contacts last changes the state with them.
+            let moves = matches!(self.changed[p].parameter.place(), Place::Anywhere)
+                && before.active.lasting.iter().any(Lasting::is_rigid);
+            if moves || self.share_by((&own, time_by), p, &before)? < 1.0 {
                 if let Some(s) = each.columns() {
                     own = s.column(s.ncols() - parameters + p).into_owned();
                 }
