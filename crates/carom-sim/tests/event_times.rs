@@ -1,7 +1,7 @@
 //! Events at the limits of time: at the first instants of a run and at its end.
 
 use carom_contact::Obstacle;
-use carom_sim::{Integrator, Simulation, Touch};
+use carom_sim::{Integrator, Simulation, Spring, Touch};
 use carom_testing::build::{Part, X, Y, Z, ball as ball_of, brick, chain, falling_ball};
 use carom_testing::scenes::{DOWN, among, floor, newton, on_floor, surface};
 use nalgebra::{Isometry3, Vector3};
@@ -104,4 +104,35 @@ fn the_slow_approach_of_a_corner_beside_another_is_an_impact() {
     let ratio = 1.0 - 1.5 * alpha.sin().powi(2);
     assert!((after / before - ratio).abs() < 1e-9, "{} {ratio}", after / before);
     assert!(run.summary.energy.error().abs() < 1e-6 * run.summary.energy.start, "{:?}", run.summary.energy);
+}
+
+/// A mass that a force of 2000 N presses against a stop without loss, with dry friction of 20 N: each bounce takes the share 2 · 20/2020 of the
+/// energy, and hundreds of them take less than a time step. Between impacts friction turns, and both are no crowd: the mass comes to rest by events.
+#[test]
+fn bounces_of_a_joint_with_dry_friction_on_a_stop_without_loss_end_by_events() {
+    let slide = Part::slider("mass", "base", X).limits(0.0, 9.0, 0.0).joint("<dynamics friction='20'/>");
+    let chain = chain(&[slide.weighing(1.0, [0.01; 3])]);
+    let touches = Touch::all(&chain, &[], 1.0).unwrap().touches;
+    let sim = Simulation { gravity: Vector3::new(-2000.0, 0.0, 0.0), ..Simulation::new(chain, touches) };
+    let run = sim.run(&[1e-6], &[0.0], 0.1).unwrap();
+    let kinds: Vec<&str> = run.events.iter().map(|event| event.kind.name()).collect();
+    assert!(!kinds.contains(&"stepping") && kinds.iter().filter(|kind| **kind == "limit").count() > 100, "{kinds:?}");
+    assert!(run.summary.last.q[0].abs() < 1e-12 && run.summary.last.qd[0] == 0.0, "{:?}", run.summary.last);
+}
+
+/// Squares of such numbers are no numbers: an oscillation of this size is integrated as any other, and is at rest to all digits.
+#[test]
+fn motions_that_have_died_out_go_on() {
+    let slide = Part::slider("mass", "base", X).limits(-9.0, 9.0, 0.0);
+    let chain = chain(&[slide.weighing(1.0, [0.01; 3])]);
+    let spring = Spring { joint: chain.joints()[0].name.clone(), rest: 0.0, stiffness: 40.0, damping: 1.5 };
+    for size in [1e-152, 1e-154, 1e-157, 1e-160, 1e-170, 1e-300] {
+        let sim = Simulation { springs: vec![spring.clone()], ..Simulation::new(chain.clone(), Vec::new()) };
+        let run = sim.run(&[size], &[0.0], 3.0).unwrap_or_else(|e| panic!("{size:e}: {e}"));
+        assert!(
+            run.summary.statistics.steps < 100 && run.summary.last.q[0].abs() <= size,
+            "{size:e}: {:?}",
+            run.summary
+        );
+    }
 }

@@ -361,6 +361,21 @@ fn many_starts_keep_the_least_cost_and_count_reasons() {
     assert_eq!(found, problem.solve_from_many(12, 1, &|| {}).unwrap().0);
 }
 
+/// Squares whose least value is zero fall to what rounding leaves of them: the search ends there, not at a kink.
+#[test]
+fn squares_that_vanish_are_a_least_cost() {
+    for k in 0..20 {
+        let height = 1.2 + 0.041 * f64::from(k);
+        let keys = format!(
+            "scene = \"bounce_scene.toml\"\nwith = {{ \"robot.qd\" = [-1.0] }}\n\
+             [[unknown]]\nnumber = \"robot.qd[0]\"\nfrom = -6\nto = 0\n[[cost]]\nsquare = \"z - {height}\"\n"
+        );
+        let found = Problem::from_toml(&keys, folder()).unwrap().solve().unwrap();
+        assert_eq!(found.end, End::Least, "{found:?}");
+        close("height", thrown(found.unknowns[0].found).0, height - 1e-4, 1e-8);
+    }
+}
+
 #[test]
 fn what_cannot_be_reached_and_wrong_problems_are_told() {
     let unknown = "[[unknown]]\nnumber = \"contact.restitution\"\nfrom = 0.1\nto = 0.9\n";

@@ -106,4 +106,8 @@ fn what_cannot_be_done_names_file_option_and_rule() {
     ] {
         refused_with(&desk.run(args), told);
     }
+    let ball = "orbit studies/atlas/ball.toml --out o.csv";
+    for options in ["--branch --values 3", "--branch --skip 3", "--basin --values 3", "--cycles 2 --doubled 1"] {
+        usage(desk.run(&format!("{ball} {options}")), "cannot be used with");
+    }
 }

@@ -304,6 +304,11 @@ fn disturbed_numbers_have_the_covariance_that_the_derivatives_predict() {
         assert!((found / wanted - 1.0).abs() < 5.0 / (2.0 * f64::from(runs)).sqrt(), "{found} {wanted}");
     }
 
+    // Before the runs: no table is left.
+    desk.write("s.toml", format!("{SCENE}perturb = {{ numbers = {{ \"run.duration\" = 1e-3 }} }}\n"));
+    let ran = desk.run("simulate s.toml --runs 3 --covariance --out none.csv");
+    refused_with(&ran, "--covariance: run.duration: duration is no parameter of the motion");
+    assert!(!desk.files("").contains(&"none.csv".to_owned()), "{:?}", desk.files(""));
     desk.write("s.toml", format!("{SCENE}perturb = {{ q = 1e-4, {uniform} }}\n"));
     refused_with(&desk.run("simulate s.toml --runs 3"), "contact.restitution, which is not among perturb.numbers");
     desk.write("s.toml", format!("{SCENE}perturb = {{ numbers = {{ \"contact.restitutoin\" = 1e-3 }} }}\n"));

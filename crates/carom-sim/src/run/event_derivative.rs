@@ -52,6 +52,9 @@ const FINEST: usize = 4;
 /// A second difference above this share of the first may be a kink.
 const KINK: f64 = 0.05;
 
+/// Why an event has none.
+const STEPS_BEGIN: &str = "time steps begin, which have no derivative";
+
 /// The number of a parameter, and how often its step is shortened.
 type By = (usize, usize);
 
@@ -64,6 +67,15 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
         each: &mut dyn Maps,
     ) -> Result<Option<LinearEvent>, Stop> {
         let (time, x) = (self.run.time, self.run.x());
+        // The force is continuous where it changes from loading to unloading.
+        if let Ending::Fired(turns @ (Guard::Turns(i) | Guard::Deepens(i))) = ending {
+            self.run.act(ending)?;
+            if self.run.motion.active.stepping {
+                return self.broken(time, STEPS_BEGIN);
+            }
+            let unloads = matches!(turns, Guard::Turns(_));
+            return Ok(Some(self.remembering((time, &x), active, |run| run.turn(i, unloads))?));
+        }
         let f = self.probe.field(time, &x)?;
         let guard = if let Ending::Fired(guard) = ending { Some(guard) } else { None };
         let pace = self.pace(&x);
@@ -76,13 +88,7 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
             Before { time, x: DVector::from_vec(x), f, ending, guard, rate, normal: None, active, history };
         self.run.act(ending)?;
         if self.run.motion.active.stepping {
-            return self.broken(time, "time steps begin, which have no derivative");
-        }
-        // The force is continuous where it changes from loading to unloading.
-        if let Some(turns @ (Guard::Turns(i) | Guard::Deepens(i))) = guard {
-            let unloads = matches!(turns, Guard::Turns(_));
-            let x = before.x.as_slice();
-            return Ok(Some(self.remembering((time, x), &before.active, |run| run.turn(i, unloads))?));
+            return self.broken(time, STEPS_BEGIN);
         }
         let is_force = guard.is_some_and(|guard| guard.is() == Is::Force);
         let slips = matches!(guard, Some(Guard::SlipStops(_) | Guard::SlipGrows(_)));

@@ -3,6 +3,7 @@
 use super::guard::GuardValue;
 use super::sampler::Told;
 use crate::error::SimError;
+use crate::state::NONE;
 use ivp::ivp::FirstOrderSystem;
 use ivp::matrix::Matrix;
 use std::cell::RefCell;
@@ -45,10 +46,6 @@ pub(crate) trait Flow {
     /// Projects a state that drifted off its constraint back onto it; returns whether it changed the state.
     fn settle(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SimError>;
 }
-
-/// Rates below this are none: their rounding as a share of a tolerance would have a square that is no normal number, whose reciprocal, in ivp 0.6,
-/// is infinite.
-const NONE: f64 = 1e-140;
 
 /// The flow for the integrator. Errors are stored here, as the integrator cannot return them.
 pub(crate) struct System<'a>(pub RefCell<Inner<'a>>);

@@ -527,17 +527,22 @@ impl<A: Space> Run<'_, '_, A> {
         // impulse has to be large.
         let Scale { length, pace, .. } = self.motion.scale;
         let tie = EQUAL * along.norm().max(length * pace);
-        let mut hits = [0.0, tie].into_iter().flat_map(|approach| {
-            along.z = -approach;
-            let problem = ImpactProblem::from_gram(gram, along);
-            problem.and_then(|problem| one.contact.law.branches(&problem)).unwrap_or_default()
-        });
         let is_finite = |hit: &ImpactOutcome<f64, 3>| {
             let approach = -hit.u_minus.z;
             (approach > 0.0 || hit.flags.contains(Flags::JAM))
                 && EQUAL * hit.impulse.z * gram[(2, 2)] > CLEAR * approach
         };
-        let Some(outcome) = hits.find(is_finite) else { return Ok(false) };
+        let mut found = None;
+        for approach in [0.0, tie] {
+            along.z = -approach;
+            let problem = ImpactProblem::from_gram(gram, along);
+            let hits = problem.and_then(|problem| one.contact.law.branches(&problem)).unwrap_or_default();
+            found = hits.into_iter().find(is_finite);
+            if found.is_some() {
+                break;
+            }
+        }
+        let Some(outcome) = found else { return Ok(false) };
         let hit = ChainImpact::of_outcome(outcome, &axes, &response, &qd);
         let qd_plus = hit.qd_plus.clone();
         self.book_single((touch, place.position), hit, &qd_plus, Vec::new())?;

@@ -110,6 +110,8 @@ impl Plan {
                 error = Some(most * falls(power.clamp(0.0, 1.0)));
                 expected = Some(most * falls(1.0));
                 before_that = Some((most, share)).filter(|_| apart.same && most > 0.0);
+            } else {
+                before_that = None;
             }
             // Both may end an accumulation after the same impact: its error then is not seen, and does not follow from the tolerance.
             if let (Ok(run), Some(own)) = (&run, &mut error)

@@ -12,6 +12,9 @@
 //! The kinds are forces and accelerations of one problem, velocities of one state, and lengths of one scene. Roots of these shares follow from
 //! them: a sine whose square is clear, a step whose error of third order is exact.
 //!
+//! Rates below [`NONE`], in the units of the state, are none: the square of their rounding, as a share of a tolerance, would be no normal number,
+//! and its reciprocal, which ivp 0.6 takes, infinite.
+//!
 //! **Effort**:
 //!
 //! | what | number | why |
@@ -29,6 +32,8 @@ pub(crate) const EXACT: f64 = 1e-12;
 pub(crate) const EQUAL: f64 = 1e-9;
 /// No tie.
 pub(crate) const CLEAR: f64 = 1e-6;
+/// No rate.
+pub(crate) const NONE: f64 = 1e-140;
 /// Share of an energy from which on an error of its balance is told: that of the velocities is half of it.
 pub(crate) const NOTICED: f64 = 1e-3;
 

@@ -12,7 +12,7 @@ mod reach;
 mod space;
 pub(crate) mod written;
 
-pub(crate) use accuracy::{CLEAR, EQUAL, EXACT, GROWTH, MANY, MAX_STEPS, NOTICED, ROUNDING, STEPS};
+pub(crate) use accuracy::{CLEAR, EQUAL, EXACT, GROWTH, MANY, MAX_STEPS, NONE, NOTICED, ROUNDING, STEPS};
 pub(crate) use basis::{Basis, Spread};
 pub(crate) use closing::close_loops;
 pub(crate) use coupling::{Coupling, Loops};

@@ -268,18 +268,20 @@ impl Problem {
 
     /// The eigenvalues of DP without `modulo` coordinates, by decreasing absolute value.
     pub(super) fn multipliers(&self, map: &DMatrix<f64>) -> Vec<Complex<f64>> {
-        // The QR iteration of nalgebra may go on without end in blocks of numbers that are rounding: then with less accuracy.
-        let returning = self.returning(map);
-        let accuracies = (0..8).map(|k| f64::EPSILON * 10f64.powi(k));
-        let most = returning.len().max(1) * STEPS;
-        let schur = accuracies.map(|accuracy| Schur::try_new(returning.clone(), accuracy, most)).find_map(|it| it);
-        let mut found: Vec<Complex<f64>> = match schur {
-            Some(schur) => schur.complex_eigenvalues().iter().copied().collect(),
-            None => returning.complex_eigenvalues().iter().copied().collect(),
-        };
+        let mut found = eigenvalues(&self.returning(map));
         found.sort_by(|a, b| b.norm().total_cmp(&a.norm()).then(b.im.total_cmp(&a.im)));
         found
     }
+}
+
+/// The eigenvalues of a matrix. The QR iteration of nalgebra may go on without end in blocks of numbers that are rounding: then each attempt is
+/// less accurate than the one before, and beyond [`FAMILY`] there are none.
+fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
+    let most = matrix.len().max(1) * STEPS;
+    let accuracies = std::iter::successors(Some(f64::EPSILON), |accuracy| Some(10.0 * accuracy));
+    let mut schurs = accuracies.take_while(|it| *it < FAMILY).map(|it| Schur::try_new(matrix.clone(), it, most));
+    let found = schurs.find_map(|it| it).map(|schur| schur.complex_eigenvalues());
+    found.map_or_else(|| vec![Complex::from(f64::NAN); matrix.nrows()], |all| all.iter().copied().collect())
 }
 
 /// The change from one state to another: a displacement and a change of velocity.
@@ -287,4 +289,27 @@ pub(super) fn difference(chain: &Chain, from: &State, to: &State) -> Result<DVec
     let mut change = chain.difference(&from.q, &to.q).map_err(carom_sim::SimError::from)?;
     change.extend(to.qd.iter().zip(&from.qd).map(|(b, a)| b - a));
     Ok(DVector::from_vec(change))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What dry friction holds in a period comes back, and what is left of its velocity is rounding.
+    #[test]
+    fn eigenvalues_of_matrices_with_blocks_of_rounding_are_found() {
+        let mut rng = fastrand::Rng::with_seed(5);
+        for case in 0..300 {
+            let matrix = DMatrix::from_fn(6, 6, |i, j| match (i < 3, j < 3) {
+                (true, true) if i == j => 1.0,
+                (true, false) => 0.1 * (rng.f64() - 0.5),
+                _ => 10f64.powi(-16 - case % 8) * (rng.f64() - 0.5) * f64::from(rng.u8(0..2)),
+            });
+            let mut sizes: Vec<f64> = eigenvalues(&matrix).iter().map(|x| x.norm()).collect();
+            sizes.sort_by(f64::total_cmp);
+            let exact = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
+            let apart = sizes.iter().zip(exact).map(|(x, exact)| (x - exact).abs()).fold(0.0, f64::max);
+            assert!(apart < 1e-7, "{case}: {sizes:?}");
+        }
+    }
 }

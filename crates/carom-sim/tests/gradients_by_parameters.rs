@@ -1,0 +1,264 @@
+//! Derivatives of runs by parameters: places of surfaces, inertias, motors, tables and keys of the scene.
+
+use crate::closed_gradients::ball;
+use crate::sensitivity::{check, check_by, differences};
+use carom_sim::{ContactRule, Parameter, Simulation};
+use carom_testing::build::{Part, X, chain};
+use carom_testing::scenes::{changed, scene, with_robots};
+use nalgebra::{DMatrix, DVector, Vector3};
+
+/// The last impacts before an accumulation are slow: moved by itself, a surface changes their times by more than all of them last.
+#[test]
+fn sensitivities_by_places_of_surfaces_pass_accumulations_of_impacts() {
+    let moving = [
+        ("controller = \"off\"", "controller = \"pd\"\nkp = 40\nkd = 3\ntarget = [0.85, -1.5]"),
+        ("friction = 0.0", "friction = 0.3"),
+        (
+            "normal = [-1, 0, 0] } }",
+            "normal = [-1, 0, 0] } }\nmotion = { amplitude = [-0.002, 0, 0], frequency = 3, phase = 3.5 }",
+        ),
+    ];
+    let motion = ["amplitude[0]", "frequency", "phase"].map(|key| format!("surface[0].motion.{key}"));
+    let wall = |k: usize| format!("surface[0].shape.halfspace.point[{k}]");
+    let walls = [wall(0)].into_iter().chain(motion).collect();
+    for (name, own, paths, h) in [("planar3", &[][..], vec![wall(1)], 1e-6), ("planar2", &moving[..], walls, 1e-6)] {
+        let scene = changed(name, own);
+        let plan = scene.plan().unwrap();
+        let parameters: Vec<Parameter> = paths.iter().map(|path| scene.parameter(path).unwrap()).collect();
+        let found = check_by(name, (&plan, &parameters), scene.duration, None, h);
+        let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
+        assert!(kinds.contains(&"zeno"), "{name}: {kinds:?}");
+        // In reverse: large parts of the maps cancel to rounding.
+        let forward = found.last_by.unwrap();
+        let run = plan.linear_run(scene.duration, &parameters).unwrap();
+        for i in 0..forward.nrows() {
+            let unit: Vec<f64> = (0..forward.nrows()).map(|k| if k == i { 1.0 } else { 0.0 }).collect();
+            let reverse = DVector::from_vec(run.vjp(&unit, &[]).unwrap()).transpose();
+            let apart = (reverse - forward.row(i)).amax();
+            assert!(apart <= 1e-9 * forward.amax(), "{name}: {apart:e}");
+        }
+    }
+}
+
+/// To raise the only surface is to lower the robot: through an accumulation, slip that stops and begins again, and a lift-off, of a body that a
+/// contact beside its centre turns; and through the lift-off from a compliant floor.
+#[test]
+fn sensitivities_by_the_height_of_a_floor_are_those_by_the_height_of_the_robot() {
+    let inertia = "<inertia ixx='0.002' iyy='0.003' izz='0.004' ixy='0' ixz='0' iyz='0'/>";
+    let robot = format!(
+        "<robot name='eccentric'><link name='b'><inertial><mass value='1'/>{inertia}</inertial>\
+         <collision><origin xyz='0.1 0 0'/><geometry><sphere radius='0.05'/></geometry></collision></link>\
+         <link name='a'><inertial><origin xyz='0.1 0 0.1'/><mass value='0.5'/>{inertia}</inertial></link>\
+         <joint name='j' type='continuous'><parent link='b'/><child link='a'/><axis xyz='0 1 0'/></joint></robot>"
+    );
+    let rigid = "restitution = 0.35\nfriction = 0.4\n[run]\nduration = 0.9\n";
+    let compliant = "restitution = 0.1\nfriction = 0.2\ncompliance = { stiffness = 1e4, force = \"kelvin-voigt\", pulls = true }\n\
+                     [run]\nduration = 0.3\n";
+    for more in [rigid, compliant] {
+        let text = format!(
+            "[robot]\nurdf = \"eccentric.urdf\"\nfloating = true\ntip = \"b\"\nq = [0, 0, 0.2, 0, 0, 0, 1, 0.1]\n\
+             qd = [0.3, 0.1, 0, -1.07, 0.06, 1.81, 1]\n[[surface]]\nname = \"floor\"\n\
+             shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}\n[[spring]]\njoint = \"j\"\nstiffness = 20\ndamping = 0.4\n\
+             [contact]\nlaw = \"newton\"\n{more}gravity = [0, 0, -9.81]\ntolerance = 1e-11\n"
+        );
+        let scene = scene(&[("eccentric.urdf", &robot)], &text).unwrap();
+        let height = scene.parameter("surface[0].shape.halfspace.point[2]").unwrap();
+        let found = scene.plan().unwrap().sensitivity(scene.duration, &[height]).unwrap();
+        let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
+        assert!(kinds.contains(&"lift-off"), "{kinds:?}");
+        let by = found.last_by.unwrap_or_else(|| panic!("{:?}", found.broken));
+        // Both together move the end by as much, and change neither turn nor velocity.
+        let apart = (3..14).map(|row| (by[(row, 14)] + by[(row, 2)]).abs()).fold(0.0, f64::max);
+        assert!(apart < 1e-6 * by.amax(), "{more}: {apart:e} of {:e}", by.amax());
+    }
+}
+
+/// A number that is as good as zero is differentiated as zero is.
+#[test]
+fn derivatives_by_numbers_near_zero_are_those_by_zero() {
+    let by = |number: &str, key: &str| {
+        let text = format!(
+            "[robot]\nurdf = \"../robots/ball.urdf\"\nfloating = true\ntip = \"ball\"\nq = [0, 0, 0.3, 0, 0, 0, 1]\n\
+             inertia = {{ ball = [1e-4, {number}, 0, 1e-4, 0, 1e-4] }}\n\
+             [[surface]]\nshape = {{ halfspace = {{ point = [0, 0, {number}], normal = [0, 0, 1] }} }}\n\
+             [contact]\nlaw = \"newton\"\nrestitution = 0.8\n[[force]]\nlink = \"ball\"\nforce = [{number}, 0, {number}]\n\
+             [run]\nduration = 0.4\ngravity = [{number}, 0, -9.81]\ntolerance = 1e-11\n"
+        );
+        let scene = with_robots(&text).unwrap();
+        scene.plan().unwrap().sensitivity(0.4, &[scene.parameter(key).unwrap()]).unwrap().last_by.unwrap()
+    };
+    for key in [
+        "force[0].force[0]",
+        "force[0].force[2]",
+        "run.gravity[0]",
+        "surface[0].shape.halfspace.point[2]",
+        "robot.inertia.ball[1]",
+    ] {
+        let zero = by("0.0", key);
+        for number in ["1e-7", "1e-10"] {
+            let apart = (by(number, key) - &zero).amax();
+            assert!(apart < 1e-5 * zero.amax().max(1e-3), "{key} = {number}: {apart:e} of {:e}", zero.amax());
+        }
+    }
+}
+
+/// A parameter that removes possible contacts is refused.
+#[test]
+fn a_parameter_that_changes_the_contacts_is_refused() {
+    let sim = ball(ContactRule::default());
+    let bad = Parameter::new("contacts", 1.0, |sim, _| sim.touches.clear());
+    let refused = sim.sensitivity(&[0.6], &[0.0], 0.5, &[bad]).unwrap_err().to_string();
+    assert!(
+        refused.contains("parameter 'contacts' has no derivative: changed by 1e-5 it makes 0 possible contacts of 1"),
+        "{refused}"
+    );
+}
+
+/// Parameters that change inertias, in free motion and through impacts, in the plane and in space.
+#[test]
+fn sensitivities_by_inertias_equal_differences_of_runs() {
+    for (name, h) in [("planar2", 1e-5), ("strike7", 1e-4), ("four_bar", 1e-5)] {
+        let scene = changed(name, &[]);
+        let plan = scene.plan().unwrap();
+        let joint = plan.simulation.chain.joint_of_velocity(0).unwrap().name.clone();
+        let with_rotor = |chain: &carom_chain::Chain, own: f64| chain.with_rotor_inertia(&joint, own);
+        let sim = Simulation { chain: with_rotor(&plan.simulation.chain, 0.1).unwrap(), ..plan.simulation.clone() };
+        let rotor = joint.clone();
+        let parameters = [
+            Parameter::try_new("rotor", 1.0, move |sim, delta| {
+                sim.chain = sim.chain.with_rotor_inertia(&rotor, 0.1 + delta)?;
+                Ok(())
+            }),
+            Parameter::try_new("inertia", 1.0, |sim, delta| {
+                sim.chain = sim.chain.with_inertia_scaled(1.0 + delta)?;
+                Ok(())
+            }),
+        ];
+        let duration = scene.duration.min(0.4);
+        let found = sim.sensitivity(&plan.q, &plan.qd, duration, &parameters).unwrap();
+        assert_eq!(found.broken, None, "{name}");
+        let columns = [2 * sim.chain.nv(), 2 * sim.chain.nv() + 1];
+        let own = found.last_by.as_ref().unwrap().select_columns(&columns);
+        let other = differences(&sim, (&plan.q, &plan.qd), duration, &parameters, (&columns, h));
+        assert!(other.column(0).amax() > 1e-3 && (&own - &other).amax() < 1e-6 * other.amax(), "{name}: {own} {other}");
+    }
+}
+
+/// Motors at their limits give the same whatever the gains, and beside the state; after it they do not.
+#[test]
+fn motors_at_their_limit_have_no_slope() {
+    let slider = chain(&[Part::slider("cart", "base", X).weighing(2.0, [0.01; 3])]);
+    let slider = slider.with_effort_limit("jcart", 3.0).unwrap();
+    let drive = carom_sim::Drive::Pd(carom_sim::Pd { kp: 100.0.into(), kd: 5.0.into(), target: vec![1.0] });
+    let sim = Simulation { drive, effort_limits: true, gravity: Vector3::zeros(), ..Simulation::new(slider, vec![]) };
+    let parameters = Parameter::all(&sim);
+    // 3 N all the time: x(0.2 s) = ½ 1.5 t².
+    let found = sim.sensitivity(&[0.0], &[0.0], 0.2, &parameters).unwrap();
+    let by = found.last_by.unwrap();
+    let exact = DMatrix::from_row_slice(2, 5, &[1.0, 0.2, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+    assert!((by - exact).amax() < 1e-13);
+    // Within the limits from the start on.
+    let (q, qd) = ([0.99], [0.0]);
+    let found = sim.sensitivity(&q, &qd, 0.2, &parameters).unwrap();
+    let columns = [0, 1, 2, 3, 4];
+    let other = differences(&sim, (&q, &qd), 0.2, &parameters, (&columns, 1e-3));
+    assert!((found.last_by.unwrap() - other).amax() < 1e-9);
+}
+
+/// The rows of a table of torques and the points of a reference, in free motion, through impacts and while a contact slides; a row has no effect
+/// before the row before it.
+#[test]
+fn sensitivities_by_rows_of_tables_equal_differences_of_runs() {
+    let times: Vec<f64> = (0..8).map(|k| 0.2 * f64::from(k)).collect();
+    let table = |joint: usize, time: f64| 0.3 * (4.0 * time + joint as f64).sin();
+    let rows = |own: &dyn Fn(usize, f64) -> f64| times.iter().map(|&t| vec![own(0, t), own(1, t)]).collect::<Vec<_>>();
+    let forces = carom_sim::TorqueTable { times: times.clone(), forces: rows(&table) };
+    let along = |joint: usize, time: f64| [0.785, -1.57][joint] + table(joint, time) * 0.5;
+    let reference = carom_sim::Reference::new(times.clone(), &rows(&along)).unwrap();
+    let tracking = |feed_forward| carom_sim::Tracking {
+        reference: reference.clone(),
+        kp: 40.0.into(),
+        kd: 6.0.into(),
+        feed_forward,
+    };
+    let presses = [("friction = 0.0", "friction = 0.3")];
+    for (name, drive, columns) in [
+        ("table", carom_sim::Drive::Table(forces), 4 + 2 + 16),
+        ("tracking", carom_sim::Drive::Tracking(tracking(false)), 4 + 2 + 4 + 16),
+        ("feed-forward", carom_sim::Drive::Tracking(tracking(true)), 4 + 2 + 4 + 16),
+    ] {
+        let mut scene = changed("planar2", &presses);
+        scene.simulation.drive = drive;
+        let found = check(name, &scene, 1.0, None, 4e-6);
+        assert_eq!(found.names.len(), columns, "{name}: {:?}", found.names);
+        assert!(!found.events.is_empty(), "{name}");
+        let by = found.last_by.unwrap();
+        let of = |wanted: &str| found.names.iter().position(|name| name == wanted).map(|k| by.column(k).amax());
+        let word = if name == "table" { "torque" } else { "reference" };
+        assert!(of(&format!("{word} elbow 3")).unwrap() > 1e-4, "{name}: {:?}", found.names);
+        if name == "table" {
+            assert_eq!(of("torque elbow 8"), Some(0.0));
+        }
+        let plan = scene.plan().unwrap();
+        let run = plan.linear_run(1.0, &Parameter::all(&plan.simulation)).unwrap();
+        for i in 0..by.nrows() {
+            let mut weights = vec![0.0; by.nrows()];
+            weights[i] = 1.0;
+            let gradient = run.vjp(&weights, &[]).unwrap();
+            let apart = gradient.iter().zip(&by.row(i)).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+            assert!(apart <= 1e-11 * by.amax(), "{name}: {apart:e}");
+        }
+    }
+}
+
+/// By keys of the scene: six numbers of an inertia, a mass, gravity, a place of the floor, a gain of one of two robots; those of a key that
+/// changes the start, or that is no number, are refused with the key.
+#[test]
+fn sensitivities_by_keys_of_the_scene_equal_differences_of_runs() {
+    let inertia: Vec<String> = (0..6).map(|k| format!("robot.inertia.cube[{k}]")).collect();
+    let of_cube = ["run.gravity[2]", "contact.friction", "surface[0].shape.halfspace.point[2]"];
+    let of_cube: Vec<&str> = inertia.iter().map(String::as_str).chain(of_cube).collect();
+    for (name, keys, duration, h) in [
+        ("cube", &of_cube[..], 0.4, 1e-7),
+        ("two_arms", &["robot[1].kp", "robot[1].position[0]", "contact.restitution"][..], 0.4, 1e-5),
+    ] {
+        let scene = changed(name, &[]);
+        let plan = scene.plan().unwrap();
+        let parameters: Vec<Parameter> = keys.iter().map(|key| scene.parameter(key).unwrap()).collect();
+        let found = plan.sensitivity(duration, &parameters).unwrap();
+        assert_eq!(found.broken, None, "{name}");
+        let sim = &plan.simulation;
+        let first = 2 * sim.chain.nv();
+        for (k, key) in keys.iter().enumerate() {
+            // A step in proportion to the number.
+            let step = if key.contains("inertia") { h * 1e-3 } else { h };
+            let own = found.last_by.as_ref().unwrap().select_columns(&[first + k]);
+            let other = differences(sim, (&plan.q, &plan.qd), duration, &parameters, (&[first + k], step));
+            let apart = (&own - &other).amax();
+            assert!(
+                other.amax() > 0.0 && apart < 1e-5 * other.amax(),
+                "{name}, {key}: {apart:e} of {:e}",
+                other.amax()
+            );
+        }
+    }
+    let by_speed = ("restitution = 0.35", "restitution = { table = [[0.1, 0.9], [1.1, 0.7]] }");
+    let scene = changed("planar2", &[by_speed]);
+    assert_eq!(scene.number("contact.restitution.table[1][0]").unwrap(), 1.1);
+    for (key, why) in [
+        ("contact.restitution.table[1][2]", "table[1] has 2 entries, which count from 0"),
+        ("contact.restitution.table[1][0][0]", "table[1][0] is no list: leave out [0]"),
+    ] {
+        let told = scene.number(key).unwrap_err().to_string();
+        assert!(told.ends_with(why), "{told}");
+    }
+    let scene = changed("planar2", &[]);
+    for (key, why) in [
+        ("robot.q[0]", "robot.q[0]: it changes the start or the duration"),
+        ("contact.law", "contact.law: the scene has no number there"),
+        ("surface.friction", "surface.friction: surface is a list of 1: write surface[0]"),
+    ] {
+        let told = scene.parameter(key).unwrap_err().to_string();
+        assert!(told.starts_with(why), "{told}");
+    }
+}
