@@ -13,7 +13,9 @@ const J: f64 = 20.0;
 const OMEGA: f64 = 3.0;
 
 /// The forces under which a foot on a floor moves so: M u̇ + μ m g u/|u|, and before that a share of μ m g.
-struct Pull;
+struct Pull {
+    omega: f64,
+}
 
 impl Controller for Pull {
     fn name(&self) -> &str {
@@ -27,10 +29,10 @@ impl Controller for Pull {
             forces[0] = hold * (1.0 + tau);
             return Ok(());
         }
-        let (sin, cos) = (OMEGA * tau).sin_cos();
+        let (sin, cos) = (self.omega * tau).sin_cos();
         let (slip, rate) = (0.5 * J * tau * tau, J * tau);
-        forces[0] = hold * cos + MASSES[0] * (rate * cos - slip * OMEGA * sin);
-        forces[1] = hold * sin + MASSES[1] * (rate * sin + slip * OMEGA * cos);
+        forces[0] = hold * cos + MASSES[0] * (rate * cos - slip * self.omega * sin);
+        forces[1] = hold * sin + MASSES[1] * (rate * sin + slip * self.omega * cos);
         Ok(())
     }
 
@@ -50,7 +52,7 @@ fn displacement(tau: f64) -> [f64; 2] {
 }
 
 /// A foot of this shape on three prismatic joints, in contact with the floor.
-fn foot(shape: &str, tolerance: f64) -> Simulation {
+fn foot(shape: &str, tolerance: f64, omega: f64) -> Simulation {
     let part = |name: &str, parent: &str, axis, mass: f64| Part::slider(name, parent, axis).weighing(mass, [0.01; 3]);
     let parts = [
         part("a", "base", X, MASSES[0] - MASSES[1]),
@@ -59,7 +61,7 @@ fn foot(shape: &str, tolerance: f64) -> Simulation {
     ];
     let zeno_time = Simulation::zeno_time_for(tolerance);
     let foot = on_floor(chain(&parts), newton(0.0, FRICTION));
-    Simulation { tolerance, zeno_time, drive: Drive::user(Pull), ..foot }
+    Simulation { tolerance, zeno_time, drive: Drive::user(Pull { omega }), ..foot }
 }
 
 /// A force that leaves the friction cone and turns gives slip that starts from rest, by the chosen law of slip; friction is the rest
@@ -71,7 +73,7 @@ fn slip_that_begins_under_a_turning_force_moves_as_in_closed_form() {
     let exact = displacement(span);
     for (shape, contacts) in [(r#"<sphere radius="0.1"/>"#, 1), (r#"<box size="0.3 0.2 0.2"/>"#, 4)] {
         for tolerance in [1e-6, 1e-8, 1e-10] {
-            let run = foot(shape, tolerance).run(&[0.0, 0.0, 0.1], &[0.0; 3], BEGINS + span).unwrap();
+            let run = foot(shape, tolerance, OMEGA).run(&[0.0, 0.0, 0.1], &[0.0; 3], BEGINS + span).unwrap();
             let kinds = kinds(&run);
             assert_eq!(kinds, [["sticking"].repeat(contacts), ["sliding"].repeat(contacts)].concat(), "{tolerance:e}");
             let end = &run.summary;
@@ -81,6 +83,20 @@ fn slip_that_begins_under_a_turning_force_moves_as_in_closed_form() {
             // what it takes from the slip of the size of rounding on.
             assert!(end.statistics.evaluations < 10_000 && end.statistics.contact_steps == 0, "{:?}", end.statistics);
         }
+    }
+}
+
+/// Slip turns by two radians before it has the speed up to which its direction is that of its acceleration elsewhere.
+#[test]
+fn slip_that_turns_while_it_is_slow_has_its_own_direction() {
+    let (omega, span) = (2e3, 1e-3);
+    for tolerance in [1e-6, 1e-8, 1e-10] {
+        let run = foot(r#"<sphere radius="0.1"/>"#, tolerance, omega).run(&[0.0, 0.0, 0.1], &[0.0; 3], BEGINS + span);
+        let slip = run.unwrap().summary.last.qd;
+        let (sin, cos) = (omega * span).sin_cos();
+        let size = 0.5 * J * span * span;
+        let off = (slip[0] - size * cos).hypot(slip[1] - size * sin);
+        assert!(off < 10.0 * tolerance.max(1e-9), "{tolerance:e}: {off:e} of {size:e}");
     }
 }
 

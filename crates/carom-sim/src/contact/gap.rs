@@ -224,21 +224,6 @@ impl Touch {
         Ok(place.velocity(view, qd)? - self.surface_velocity(place, time))
     }
 
-    /// Speed of slip; `None` for a joint limit.
-    pub(crate) fn slip<A: Space>(
-        &self,
-        at: &At<A>,
-        view: &View<A>,
-        qd: &[f64],
-        time: f64,
-    ) -> Result<Option<f64>, SimError> {
-        let slip = |place: &Place<A>| {
-            let u = self.u(place, view, qd, time)?;
-            Ok((u - place.normal * place.normal.dot(&u)).norm())
-        };
-        at.surface.as_ref().map(slip).transpose()
-    }
-
     /// Adds the row j to `row`.
     pub(crate) fn row_into<A: Space>(&self, at: &At<A>, view: &View<A>, row: &mut [f64]) -> Result<(), SimError> {
         match at.surface {

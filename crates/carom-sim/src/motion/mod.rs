@@ -34,4 +34,4 @@ pub(crate) use settle::Kink;
 pub(crate) use slope::Linear;
 pub(crate) use smooth::{Motion, bristles, deflection};
 pub use unique::NonUnique;
-pub(crate) use zero::LEVER;
+pub(crate) use zero::{LEVER, Start};

@@ -305,10 +305,10 @@ impl<A: Space> Motion<'_, A> {
     /// The direction of slip that has begun, where it is fast enough, follows from it from now on. Contacts that begin to slide at
     /// one time are fast enough at one time, too: up to the error of the integration, and some of them have half that speed.
     pub fn started(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {
-        let least = 0.5 * self.starts();
+        let starts = self.starts();
         self.slips((time, y), |own, n, u| {
             if let Hold::Starts { toward } = own.hold
-                && (u - n * n.dot(&u)).norm() >= least
+                && starts.share(u - n * n.dot(&u), toward) >= 0.5
             {
                 own.hold = Hold::Slides { toward };
             }

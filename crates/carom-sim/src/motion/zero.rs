@@ -18,19 +18,37 @@
 //! | error of a velocity along constraints: `noise` | max(τ, 1e-6) v / 20, at least τ L/(20 T) | states are projected, so that it is far below the tolerance |
 //! | a velocity is zero: `rest` | 10 times its error | one of this size stops within a time of the same size, and moves by its square |
 //! | approach velocity of a part beside another one: `still` | a hundredth of that | a fast turn about one part is a slow approach of the other |
-//! | slip that begins has the direction of its acceleration | √τ L/T | the error is of second order in the time of the start |
+//! | slip u that begins has the direction d of its acceleration | up to √τ L/T, and while (d × u)² < τ L/T \|u\|, or \|u\| is zero | the error is of second order in the turn of d |
 //! | a compliant contact has the damping of its approach from | L/(1000 T) | that of Hunt & Crossley grows as the inverse of the approach |
 //!
 //! Gaps and rates of the limits of hinges are angles, and are compared without L. Shares of forces and accelerations: `state/accuracy.rs`.
 
 use super::smooth::Motion;
 use crate::state::{CLEAR, EQUAL, Space};
+use nalgebra::Vector3;
 
 /// [`Motion::noise`] as a share of the tolerance.
 const NOISE: f64 = 5e-2;
 /// The motion of one part of a body may be so many times that of another part: where one of them is zero by the thresholds of this table, the
 /// other one may be larger by this.
 pub(crate) const LEVER: f64 = 100.0;
+
+/// Until when slip that begins has the direction of its acceleration, m/s: see the table above.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Start {
+    slip: f64,
+    error: f64,
+    rest: f64,
+}
+
+impl Start {
+    /// How far the start of this slip is, whose acceleration has this direction; from 1 on it has ended.
+    pub fn share(&self, slip: Vector3<f64>, toward: Vector3<f64>) -> f64 {
+        let size = slip.norm();
+        let turned = toward.cross(&slip).norm_squared() / (size * size).max(f64::MIN_POSITIVE);
+        (size / self.slip).max(turned * (size - self.rest) / self.error)
+    }
+}
 
 impl<A: Space> Motion<'_, A> {
     /// The scale of the next decisions: at the start of a leg and of an impact.
@@ -64,9 +82,10 @@ impl<A: Space> Motion<'_, A> {
         self.rest() / LEVER
     }
 
-    /// Slip from rest up to this has the direction of its acceleration, m/s.
-    pub fn starts(&self) -> f64 {
-        self.sim.tolerance.sqrt() * self.scale.length * self.scale.pace
+    /// Until when slip from rest has the direction of its acceleration.
+    pub fn starts(&self) -> Start {
+        let (tolerance, speed) = (self.sim.tolerance, self.scale.length * self.scale.pace);
+        Start { slip: tolerance.sqrt() * speed, error: tolerance * speed, rest: self.rest() }
     }
 
     /// Gaps below this count as closed where the contact has no normal velocity.
@@ -128,7 +147,7 @@ mod tests {
             ("rest", motion.rest_of(foot), [1, -1]),
             ("rest of a limit", motion.rest_of(limit), [0, -1]),
             ("still", motion.still(), [1, -1]),
-            ("starts", motion.starts(), [1, -1]),
+            ("starts", motion.starts().slip, [1, -1]),
             ("slowest", scale.slowest(), [1, -1]),
             ("rate of a slide", scale.joint(0, 2.0 * length / time), [1, -1]),
             ("rate of a hinge", scale.joint(1, 2.0 * length / time), [0, -1]),

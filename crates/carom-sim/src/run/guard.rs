@@ -9,7 +9,9 @@ use super::trajectory::{EventKind, StepReason};
 use crate::contact::{Grip, Passing, Placed, Slack};
 use crate::error::SimError;
 use crate::model::Simulation;
-use crate::motion::{ActiveSet, ConstraintForces, Dry, DryJoint, Gaps, Hold, Lasting, Motion, Scale, deflection};
+use crate::motion::{
+    ActiveSet, ConstraintForces, Dry, DryJoint, Gaps, Hold, Lasting, Motion, Scale, Start, deflection,
+};
 use crate::state::{EQUAL, Space, View};
 use carom_contact::Met;
 use nalgebra::Vector3;
@@ -298,8 +300,8 @@ struct Now<'a> {
     scale: &'a Scale,
     /// Error of velocities.
     noise: f64,
-    /// Slip up to which it begins.
-    starts: f64,
+    /// Until when slip begins.
+    starts: Start,
 }
 
 impl Guard {
@@ -362,19 +364,19 @@ impl Guard {
                     None => GuardValue::default(),
                 }
             }
-            (Self::SlipStops(i), _) => {
+            (Self::SlipStops(i) | Self::SlipGrows(i), _) => {
                 let touch = &sim.touches[now.active.lasting[i].touch];
                 let (Hold::Slides { toward } | Hold::Starts { toward }) = now.active.lasting[i].hold else {
                     return Ok(GuardValue::default());
                 };
-                let place = touch.at(view, q, time).surface;
-                let u = place.map_or(Ok(Vector3::zeros()), |place| touch.u(&place, view, qd, time))?;
-                GuardValue::velocity(u.dot(&toward), now.noise)
-            }
-            (Self::SlipGrows(i), _) => {
-                let touch = &sim.touches[now.active.lasting[i].touch];
-                let slip = touch.slip(&touch.at(view, q, time), view, qd, time)?;
-                GuardValue::bound(now.starts - slip.unwrap_or_default())
+                let Some(place) = touch.at(view, q, time).surface else { return Ok(GuardValue::default()) };
+                let u = touch.u(&place, view, qd, time)?;
+                if matches!(self, Self::SlipStops(_)) {
+                    GuardValue::velocity(u.dot(&toward), now.noise)
+                } else {
+                    let slip = u - place.normal * place.normal.dot(&u);
+                    GuardValue::bound(1.0 - now.starts.share(slip, toward))
+                }
             }
             (Self::JointStops(k), Some(held)) => {
                 let DryJoint { v, state, .. } = now.active.dry[k];
