@@ -113,7 +113,7 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
         let mut middle = None;
         if closed.is_none() || !self.changed.iter().all(is_closed) {
             self.probe.motion.active = before.active.clone();
-            if let Some(guard) = guard.filter(|guard| guard.is() == Is::Gap) {
+            if let Some(guard) = guard.filter(|guard| guard.is() == Is::Gap || matches!(guard, Guard::Depth(_))) {
                 before.normal = normal(&mut self.probe, guard, time, before.x.as_slice())?;
             }
             let at = (time, before.x.as_slice());
