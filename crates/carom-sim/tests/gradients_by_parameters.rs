@@ -41,35 +41,44 @@ fn sensitivities_by_places_of_surfaces_pass_accumulations_of_impacts() {
 }
 
 /// To raise the only surface is to lower the robot: through an accumulation, slip that stops and begins again, and a lift-off, of a body that a
-/// contact beside its centre turns; and through the lift-off from a compliant floor.
+/// contact beside its centre turns; through the slow lift-off from a compliant floor that pulls; and on bristles, one of which begins to slip
+/// within the step of the height.
 #[test]
 fn sensitivities_by_the_height_of_a_floor_are_those_by_the_height_of_the_robot() {
     let inertia = "<inertia ixx='0.002' iyy='0.003' izz='0.004' ixy='0' ixz='0' iyz='0'/>";
-    let robot = format!(
-        "<robot name='eccentric'><link name='b'><inertial><mass value='1'/>{inertia}</inertial>\
-         <collision><origin xyz='0.1 0 0'/><geometry><sphere radius='0.05'/></geometry></collision></link>\
-         <link name='a'><inertial><origin xyz='0.1 0 0.1'/><mass value='0.5'/>{inertia}</inertial></link>\
-         <joint name='j' type='continuous'><parent link='b'/><child link='a'/><axis xyz='0 1 0'/></joint></robot>"
-    );
-    let rigid = "restitution = 0.35\nfriction = 0.4\n[run]\nduration = 0.9\n";
-    let compliant = "restitution = 0.1\nfriction = 0.2\ncompliance = { stiffness = 1e4, force = \"kelvin-voigt\", pulls = true }\n\
-                     [run]\nduration = 0.3\n";
-    for more in [rigid, compliant] {
+    let ball =
+        |x, y| format!("<collision><origin xyz='{x} {y} 0'/><geometry><sphere radius='0.05'/></geometry></collision>");
+    let robot = |other: &str| {
+        format!(
+            "<robot name='eccentric'><link name='b'><inertial><mass value='1'/>{inertia}</inertial>{}{other}</link>\
+             <link name='a'><inertial><origin xyz='0.1 0 0.1'/><mass value='0.5'/>{inertia}</inertial></link>\
+             <joint name='j' type='continuous'><parent link='b'/><child link='a'/><axis xyz='0 1 0'/></joint></robot>",
+            ball(0.1, 0.0)
+        )
+    };
+    let pulls = "compliance = { stiffness = 1e4, force = \"kelvin-voigt\", pulls = true }";
+    let bristles = "compliance = { stiffness = 8e4, force = \"hunt-crossley\", exponent = 1, bristle = { stiffness = 4e3, damping = 9 } }";
+    for (more, qd, contact, duration) in [
+        (String::new(), "0.3, 0.1, 0, -1.07, 0.06, 1.81, 1", "restitution = 0.35".to_owned(), 0.9),
+        (ball(-0.1, 0.03), "0.16, -0.59, 0.28, 0.89, -0.92, -0.1, -0.29", format!("restitution = 0.2\n{pulls}"), 0.5),
+        (ball(-0.1, 0.03), "0.04, 0.61, 0.92, -0.42, 0.53, 0.41, 0.32", format!("restitution = 0.2\n{bristles}"), 0.5),
+    ] {
         let text = format!(
             "[robot]\nurdf = \"eccentric.urdf\"\nfloating = true\ntip = \"b\"\nq = [0, 0, 0.2, 0, 0, 0, 1, 0.1]\n\
-             qd = [0.3, 0.1, 0, -1.07, 0.06, 1.81, 1]\n[[surface]]\nname = \"floor\"\n\
+             qd = [{qd}]\n[[surface]]\nname = \"floor\"\n\
              shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}\n[[spring]]\njoint = \"j\"\nstiffness = 20\ndamping = 0.4\n\
-             [contact]\nlaw = \"newton\"\n{more}gravity = [0, 0, -9.81]\ntolerance = 1e-11\n"
+             [contact]\nlaw = \"newton\"\nfriction = 0.4\n{contact}\n\
+             [run]\nduration = {duration}\ngravity = [0, 0, -9.81]\ntolerance = 1e-11\n"
         );
-        let scene = scene(&[("eccentric.urdf", &robot)], &text).unwrap();
+        let scene = scene(&[("eccentric.urdf", &robot(&more))], &text).unwrap();
         let height = scene.parameter("surface[0].shape.halfspace.point[2]").unwrap();
         let found = scene.plan().unwrap().sensitivity(scene.duration, &[height]).unwrap();
         let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
-        assert!(kinds.contains(&"lift-off"), "{kinds:?}");
+        assert!(kinds.contains(&"lift-off"), "{kinds:?}, {:?}", found.broken);
         let by = found.last_by.unwrap_or_else(|| panic!("{:?}", found.broken));
         // Both together move the end by as much, and change neither turn nor velocity.
         let apart = (3..14).map(|row| (by[(row, 14)] + by[(row, 2)]).abs()).fold(0.0, f64::max);
-        assert!(apart < 1e-6 * by.amax(), "{more}: {apart:e} of {:e}", by.amax());
+        assert!(apart < 1e-6 * by.amax(), "{contact}: {apart:e} of {:e}", by.amax());
     }
 }
 

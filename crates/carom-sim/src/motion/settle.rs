@@ -26,6 +26,11 @@ impl Kink {
         Self { left: at.norm(), at }
     }
 
+    /// The place of one that there is not here: the n-th of two states is the same one.
+    fn or_none(found: Option<Self>) -> Self {
+        found.unwrap_or(Self { left: f64::INFINITY, at: Vector3::zeros() })
+    }
+
     /// How many changes like that from these to those lead to the nearest.
     pub fn nearest(here: &[Self], there: &[Self]) -> f64 {
         let steps = |(here, there): (&Self, &Self)| here.left / (there.at - here.at).norm();
@@ -188,12 +193,13 @@ impl<A: Space> Motion<'_, A> {
         })
     }
 
-    /// The slips of the contacts that slide with friction and whose direction follows from it, m/s, world.
-    fn sliding(&mut self, time: f64, y: &[f64]) -> Result<Vec<Vector3<f64>>, SimError> {
+    /// The slips of the contacts that slide and whose direction follows from it, m/s, world; `None` without friction.
+    fn sliding(&mut self, time: f64, y: &[f64]) -> Result<Vec<Option<Vector3<f64>>>, SimError> {
         let (sim, mut found) = (self.sim, Vec::new());
         self.slips((time, y), |own, n, u| {
-            if matches!(own.hold, Hold::Slides { .. }) && sim.touches[own.touch].contact.law.friction() > 0.0 {
-                found.push(u - n * n.dot(&u));
+            if matches!(own.hold, Hold::Slides { .. }) {
+                let rubs = sim.touches[own.touch].contact.law.friction() > 0.0;
+                found.push(rubs.then(|| u - n * n.dot(&u)));
             }
         })?;
         Ok(found)
@@ -201,13 +207,14 @@ impl<A: Space> Motion<'_, A> {
 
     /// The slowest of these slips, m/s; infinite if there are none.
     pub fn slowest_slip(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
-        Ok(self.sliding(time, y)?.iter().map(Vector3::norm).fold(f64::INFINITY, f64::min))
+        Ok(self.sliding(time, y)?.iter().flatten().map(Vector3::norm).fold(f64::INFINITY, f64::min))
     }
 
     /// The kinks of the contact forces: zeros of the [slips](Self::sliding), m/s, of the depths and speeds of compliant contacts beyond those at
     /// which their normal forces have kinks, m or m/s, the limits of sliders of bristles, N, and slips within which smoothed friction changes, m/s.
     pub fn kinks(&mut self, time: f64, y: &[f64]) -> Result<Vec<Kink>, SimError> {
-        let mut found: Vec<Kink> = self.sliding(time, y)?.into_iter().map(Kink::zero).collect();
+        let sliding = self.sliding(time, y)?.into_iter();
+        let mut found: Vec<Kink> = sliding.map(|slip| Kink::or_none(slip.map(Kink::zero))).collect();
         for k in 0..self.active.lasting.len() {
             let own = self.active.lasting[k];
             if own.is_rigid() {
@@ -215,15 +222,16 @@ impl<A: Space> Motion<'_, A> {
             }
             let (gap, rate) = self.gap(own.touch, time, y)?;
             let slack = own.slack(&self.sim.touches[own.touch].contact, (gap, rate));
-            let zeros = [Some(gap), slack.map(Slack::value)];
-            found.extend(zeros.into_iter().flatten().map(|zero| Kink::zero(Vector3::x() * zero)));
-            found.extend(self.smoothed(k, (time, y))?);
+            let zero = |value: f64| Kink::zero(Vector3::x() * value);
+            let grip = self.grip(k, (time, y))?;
             // While the slider of a bristle slips, the direction of its force changes as that of slip does.
-            if let Some(grip) = self.grip(k, (time, y))? {
-                let left = 0.5 * grip.margin().abs();
-                found.extend([grip.force, Vector3::x() * grip.limit].map(|at| Kink { left, at }));
-                found.extend(grip.slips().map(|_| Kink::zero(grip.force)));
-            }
+            let bends = |at: fn(&Grip) -> Vector3<f64>| {
+                grip.as_ref().map(|grip| Kink { left: 0.5 * grip.margin().abs(), at: at(grip) })
+            };
+            let slips = grip.filter(|grip| grip.slips().is_some()).map(|grip| Kink::zero(grip.force));
+            let own = [Some(zero(gap)), slack.map(|slack| zero(slack.value())), self.smoothed(k, (time, y))?];
+            found.extend(own.map(Kink::or_none));
+            found.extend([bends(|it| it.force), bends(|it| Vector3::x() * it.limit), slips].map(Kink::or_none));
         }
         Ok(found)
     }

@@ -18,7 +18,7 @@
 //! | error of a velocity along constraints: `noise` | max(τ, 1e-6) v / 20, at least τ L/(20 T) | states are projected, so that it is far below the tolerance |
 //! | a velocity is zero: `rest` | 10 times its error | one of this size stops within a time of the same size, and moves by its square |
 //! | approach velocity of a part beside another one: `still` | a hundredth of that | a fast turn about one part is a slow approach of the other |
-//! | slip u that begins has the direction d of its acceleration | up to √τ L/T, and while (d × u)² < τ L/T \|u\|, or \|u\| is zero | the error is of second order in the turn of d |
+//! | slip u that begins has the direction d of its acceleration | up to √τ L/T, and while d × u is zero, or its square beyond that below τ L/T \|u\| | the error is of second order in the turn of d |
 //! | a compliant contact has the damping of its approach from | L/(1000 T) | that of Hunt & Crossley grows as the inverse of the approach |
 //!
 //! Gaps and rates of the limits of hinges are angles, and are compared without L. Shares of forces and accelerations: `state/accuracy.rs`.
@@ -44,9 +44,8 @@ pub(crate) struct Start {
 impl Start {
     /// How far the start of this slip is, whose acceleration has this direction; from 1 on it has ended.
     pub fn share(&self, slip: Vector3<f64>, toward: Vector3<f64>) -> f64 {
-        let size = slip.norm();
-        let turned = toward.cross(&slip).norm_squared() / (size * size).max(f64::MIN_POSITIVE);
-        (size / self.slip).max(turned * (size - self.rest) / self.error)
+        let (size, across) = (slip.norm(), (toward.cross(&slip).norm() - self.rest).max(0.0));
+        (size / self.slip).max(across * across / (size * self.error).max(f64::MIN_POSITIVE))
     }
 }
 

@@ -1,6 +1,7 @@
 //! The event at the end of a leg as a map E from time and state before it to time and state after it, which `event_derivative.rs`
 //! differentiates; and its derivative in closed form where it is the impact of one touch that opens again.
 
+use super::changed::{AT, WEIGHTS};
 use super::guard::Ending;
 use super::guard::{Guard, GuardValue, Is, look};
 use super::history::History;
@@ -52,6 +53,18 @@ pub(crate) fn value<A: Space>(run: &mut Run<A>, guard: Guard, time: f64, x: &[f6
     Ok(found)
 }
 
+/// The derivative of a guard along a line on which it has these values at 0 and at −2, −1, 1 and 2 steps: of fourth order. That of
+/// [`Guard::Admissible`] is constant but beyond its zero, where forces are missing: on that side, of second order.
+pub(crate) fn slope(guard: Guard, here: f64, at: [f64; 4], step: f64) -> f64 {
+    let one_sided = |first: f64, second: f64| (4.0 * first - second - 3.0 * here) / 2.0;
+    let slope = match guard {
+        Guard::Admissible if at[3] < at[0] => one_sided(at[2], at[3]),
+        Guard::Admissible => -one_sided(at[1], at[0]),
+        _ => at.iter().zip(WEIGHTS).map(|(value, weight)| value * weight).sum(),
+    };
+    slope / step
+}
+
 /// ẇ, for guards without a rate of their own by a difference over the time `h`.
 pub(crate) fn rate<A: Space>(
     run: &mut Run<A>,
@@ -59,14 +72,16 @@ pub(crate) fn rate<A: Space>(
     (time, x): (f64, &[f64]),
     (f, h): (&DVector<f64>, f64),
 ) -> Result<f64, SimError> {
-    if let Some(own) = value(run, guard, time, x)?.rate {
+    let here = value(run, guard, time, x)?;
+    if let Some(own) = here.rate {
         return Ok(own);
     }
     let mut at = |times: f64| {
         let x = DVector::from_column_slice(x) + f * (times * h);
         value(run, guard, time + times * h, x.as_slice()).map(|it| it.value)
     };
-    Ok((at(1.0)? - at(-1.0)?) / (2.0 * h))
+    let [a, b, c, d] = AT.map(&mut at);
+    Ok(slope(guard, here.value, [a?, b?, c?, d?], h))
 }
 
 /// ∂w/|∂w|² of a gap, by the displacements; `None` where none of them changes it.

@@ -25,7 +25,7 @@
 //! with its own second differences, and the modes after the event must be the same.
 
 use super::changed::{CENTRAL, Changed, DIFFERENCE, Stencil};
-use super::crossing::{After, Before, Struck, WIDE, jump, normal, outcome, rate, value};
+use super::crossing::{After, Before, Struck, WIDE, jump, normal, outcome, rate, slope, value};
 use super::follow::{Follow, Stop};
 use super::guard::{Ending, Guard, Is};
 use super::linear_run::{Around, LinearEvent, Maps};
@@ -258,16 +258,21 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
     /// τ′ of a change of x, and of a parameter with it.
     fn time_by(&mut self, own: &DVector<f64>, parameter: Option<By>, before: &Before) -> Result<f64, Stop> {
         let Some(guard) = before.guard else { return Ok(0.0) };
-        let mut slope = 0.0;
         // Guards are smooth, so a larger step has less rounding.
-        let (Stencil { at, weights }, step) = self.stencil(parameter, WIDE / own.amax().max(1.0))?;
-        for (k, (times, weight)) in at.iter().zip(weights).enumerate() {
+        let (stencil, step) = self.stencil(parameter, WIDE / own.amax().max(1.0))?;
+        let mut values = [0.0; 4];
+        for (k, (found, times)) in values.iter_mut().zip(stencil.at).enumerate() {
             let beside = &before.x + own * (times * step);
             let run = self.beside(parameter, k)?;
             run.motion.active.clone_from(&before.active);
-            slope += weight / step * value(run, guard, before.time, beside.as_slice())?.value;
+            *found = value(run, guard, before.time, beside.as_slice())?.value;
         }
-        Ok(-slope / before.rate)
+        let by = if stencil.is_one_sided() {
+            values.iter().zip(stencil.weights).map(|(value, weight)| value * weight / step).sum()
+        } else {
+            slope(guard, 0.0, values, step)
+        };
+        Ok(-by / before.rate)
     }
 
     /// Where the neighbouring motions are and their step, of a change of x by this step, or of a parameter.
