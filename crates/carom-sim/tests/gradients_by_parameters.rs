@@ -220,6 +220,31 @@ fn sensitivities_by_rows_of_tables_equal_differences_of_runs() {
     }
 }
 
+/// A slider on its stop is pulled off by a force F t, against dry friction f as well: at the time f/F, whose derivative is −f/F². Which of stop and
+/// friction bears how much before is a convention.
+#[test]
+fn the_time_at_which_a_joint_leaves_its_stop_against_dry_friction_has_the_derivative_of_its_closed_form() {
+    let (friction, pull) = (3.0, 6.0);
+    let robot = "<robot name='slider'><link name='base'/><link name='a'><inertial><mass value='0.7'/>\
+        <inertia ixx='0.1' iyy='0.1' izz='0.1' ixy='0' ixz='0' iyz='0'/></inertial></link>\
+        <joint name='x' type='prismatic'><parent link='base'/><child link='a'/><axis xyz='1 0 0'/>\
+        <limit lower='0' upper='9' effort='99' velocity='99'/><dynamics friction='3'/></joint></robot>";
+    let text =
+        "[robot]\nurdf = \"slider.urdf\"\nq = [0]\n[run]\nduration = 1\ngravity = [0, 0, 0]\ntolerance = 1e-11\n";
+    let mut scene = scene(&[("slider.urdf", robot)], text).unwrap();
+    let forces = vec![vec![0.0], vec![pull]];
+    scene.simulation.drive = carom_sim::Drive::Table(carom_sim::TorqueTable { times: vec![0.0, 1.0], forces });
+    let plan = scene.plan().unwrap();
+    let found = plan.sensitivity(1.0, &Parameter::all(&plan.simulation)).unwrap();
+    let column =
+        found.names.iter().position(|name| name == "torque x 1").unwrap_or_else(|| panic!("{:?}", found.names));
+    let event = found.events.iter().find(|event| event.kinds.contains(&"lift-off")).unwrap();
+    assert!((event.time - friction / pull).abs() < 1e-8, "{}", event.time);
+    let exact = -friction / (pull * pull);
+    let off = (event.time_by[column] / exact - 1.0).abs();
+    assert!(off < 1e-6, "{off:e}");
+}
+
 /// By keys of the scene: six numbers of an inertia, a mass, gravity, a place of the floor, a gain of one of two robots; those of a key that
 /// changes the start, or that is no number, are refused with the key.
 #[test]
