@@ -314,6 +314,7 @@ impl<A: Space> Motion<'_, A> {
     /// one time are fast enough at one time, too: up to the error of the integration, and some of them have half that speed.
     pub fn started(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {
         let starts = self.starts();
+        self.accelerations(time, y)?; // and with them the directions
         self.slips((time, y), |own, n, u| {
             if let Hold::Starts { toward } = own.hold
                 && starts.share(u - n * n.dot(&u), toward) >= 0.5

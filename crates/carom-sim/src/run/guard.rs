@@ -199,7 +199,8 @@ impl Guard {
 
     /// Whether it depends on constraint forces, not only on positions and velocities.
     pub fn needs_forces(self) -> bool {
-        matches!(self.is(), Is::Force | Is::Slip { forces: true }) || matches!(self, Self::SlipEnds)
+        matches!(self.is(), Is::Force | Is::Slip { forces: true })
+            || matches!(self, Self::SlipEnds | Self::SlipGrows(_))
     }
 
     /// Whether the forces of a mode are admissible as far as this guard sees it, at its start. On the border the convention for redundant
