@@ -531,6 +531,22 @@ fn values_that_nothing_uses_are_warned_of() {
             "[[force]]\nlink = \"tip\"\nfile = \"late.csv\"",
             "[[force]] 1: the table of tip is zero at all times of the run, 0 to ",
         ),
+        (
+            "#run",
+            "[[force]]\nlink = \"base\"\nforce = [1, 0, 0]",
+            "[[force]] 1: base is fixed to the world: no force moves it",
+        ),
+        ("#run", "effort_limits = true", "effort_limits: the motors are off (controller)"),
+        (
+            "#surface",
+            "contact = { friction = 0, compliance = { stiffness = 1e4, slip_speed = 0.01 } }",
+            "compliance slip_speed and bristle: no compliant contact of this scene has friction",
+        ),
+        (
+            "#surface",
+            "name = \"belt\"\ncontact = { friction = 0 }\nbelt = { velocity = [0, 1, 0] }",
+            "[[surface]] 'belt': belt: no contact of this surface has friction",
+        ),
     ] {
         desk.write("late.csv", "time,fx\n5,1\n6,1\n");
         let (_, said) = desk.told("simulate", &at(place, keys));

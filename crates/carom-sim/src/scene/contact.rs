@@ -75,6 +75,12 @@ fn unused(all: &[&ContactKeys], contact: &Contact, touches: &[Touch]) -> impl It
     let stiffness = all.iter().any(|keys| keys.relative_stiffness.is_some())
         && !matches!(contact.several, SeveralLaw::Energetic { .. });
     let limits = contact.limit_restitution != 0.0 && !touches.iter().any(|touch| touch.limit_of().is_some());
+    let tangential_force = |keys: &&ContactKeys| match &keys.compliance {
+        Some(Softness::Compliant(given)) => given.slip_speed.is_some() || given.bristle.is_some(),
+        _ => false,
+    };
+    let rubs = |touch: &Touch| touch.contact.compliance.is_some() && touch.contact.law.friction() > 0.0;
+    let compliant = all.iter().any(tangential_force) && !touches.iter().any(rubs);
     let found = [
         (
             tangential,
@@ -82,6 +88,7 @@ fn unused(all: &[&ContactKeys], contact: &Contact, touches: &[Touch]) -> impl It
         ),
         (stiffness, "relative_stiffness: only the law of several contacts \"energetic\" uses it ([contact] several)"),
         (limits, "limit_restitution: no joint of this scene has limits that act"),
+        (compliant, "compliance slip_speed and bristle: no compliant contact of this scene has friction"),
     ];
     found.into_iter().filter(|(unused, _)| *unused).map(|(_, why)| why.to_owned())
 }

@@ -39,6 +39,15 @@ pub(crate) fn wrench(folder: &Path, chain: &Chain, k: usize, given: &file::Force
     Ok(wrench)
 }
 
+/// Why a force does nothing in a run of this duration.
+pub(crate) fn idle(wrench: &Wrench, chain: &Chain, duration: f64) -> Option<String> {
+    let link = &wrench.link;
+    if chain.frame(link).is_ok_and(|frame| chain.point(frame, wrench.point).body.is_none()) {
+        return Some(format!("{link} is fixed to the world: no force moves it"));
+    }
+    wrench.is_idle(duration).then(|| format!("the table of {link} is zero at all times of the run, 0 to {duration} s"))
+}
+
 /// The `k`-th loop of a scene.
 pub(crate) fn closure(chain: &Chain, k: usize, given: &file::Loop) -> Result<Loop, String> {
     let name = given.name.clone().unwrap_or_else(|| format!("loop {}", k + 1));

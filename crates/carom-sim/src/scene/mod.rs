@@ -24,7 +24,7 @@ pub use toml::from_toml;
 
 use crate::contact::{ContactRule, Surface, Touch, Touches};
 use crate::error::SimError;
-use crate::model::{Simulation, TOLERANCE};
+use crate::model::{Drive, Simulation, TOLERANCE};
 use crate::state::{EQUAL, View};
 use carom_chain::Spatial;
 use carom_chain::input;
@@ -37,7 +37,7 @@ use keys::Table;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use surface::{Places, surface};
+use surface::{Places, idle_belts, surface};
 
 /// A scene: a robot or several, the surfaces around them, contact laws and run settings, read from a TOML file
 /// ([`Scene::from_file`]).
@@ -170,6 +170,7 @@ impl Scene {
         }
         let touches = Touch::divided(touches);
         warnings.extend(contact::warnings(&file.contact, &file.surface, &touches));
+        warnings.extend(idle_belts(&file.surface, &surfaces, &touches));
         let (drive, after_impact) = robots.drives(folder, control, &surfaces, &qd).map_err(refuse)?;
         let own = file.spring.iter().enumerate().map(|(k, it)| (format!("[[spring]] {}", k + 1), it));
         let springs = own.chain(robots.springs().map(|it| ("[[robot.beam]]".to_owned(), it)));
@@ -180,15 +181,11 @@ impl Scene {
         let springs = springs.collect::<Result<_, _>>()?;
         let wrenches = file.force.iter().enumerate().map(|(k, it)| wrench(folder, &chain, k, it));
         let wrenches = wrenches.collect::<Result<Vec<_>, _>>().map_err(refuse)?;
-        let idle = wrenches.iter().enumerate().filter(|(_, wrench)| wrench.is_idle(run.duration));
-        warnings.extend(idle.map(|(k, wrench)| {
-            format!(
-                "[[force]] {}: the table of {} is zero at all times of the run, 0 to {} s",
-                k + 1,
-                wrench.link,
-                run.duration
-            )
-        }));
+        let idle = wrenches.iter().enumerate().filter_map(|(k, it)| Some((k, force::idle(it, &chain, run.duration)?)));
+        warnings.extend(idle.map(|(k, why)| format!("[[force]] {}: {why}", k + 1)));
+        if run.effort_limits && matches!(drive, Drive::Off) {
+            warnings.push("effort_limits: the motors are off (controller)".into());
+        }
         let loops = file.loops.iter().enumerate().map(|(k, it)| closure(&chain, k, it));
         let loops = loops.collect::<Result<Vec<_>, _>>().map_err(refuse)?;
         let perturbation = run.perturb.as_ref().map(|given| {

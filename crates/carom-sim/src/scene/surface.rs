@@ -3,7 +3,7 @@
 use super::contact::overridden;
 use super::file::{self, Shape};
 use super::force::profile;
-use crate::contact::{Belt, ContactRule, Oscillation, Surface, SurfaceMotion};
+use crate::contact::{Belt, ContactRule, Oscillation, Surface, SurfaceMotion, Touch};
 use crate::state::Profile;
 use carom_chain::urdf::find_mesh;
 use carom_contact::Obstacle;
@@ -64,6 +64,20 @@ pub(crate) fn surface(
         (Some(_), Some(_)) => return Err(refuse("has both motion and belt: give one of them".into())),
     };
     Ok(Surface { name, obstacle, contact, motion })
+}
+
+/// Warnings about belts on which nothing rubs.
+pub(crate) fn idle_belts(
+    given: &[file::Surface],
+    surfaces: &[Surface],
+    touches: &[Touch],
+) -> impl Iterator<Item = String> {
+    let belts = given.iter().zip(surfaces).filter(|(given, _)| given.belt.is_some());
+    belts.filter_map(|(_, Surface { name, .. })| {
+        let mut own = touches.iter().filter(|touch| touch.surface() == Some(name)).peekable();
+        let idle = own.peek().is_some() && own.all(|touch| touch.contact.law.friction() == 0.0);
+        idle.then(|| format!("[[surface]] '{name}': belt: no contact of this surface has friction"))
+    })
 }
 
 pub(crate) fn half_space(surface: Option<&Surface>) -> Option<Vector3<f64>> {
