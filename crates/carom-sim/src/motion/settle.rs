@@ -310,14 +310,13 @@ impl<A: Space> Motion<'_, A> {
         own.grip(&sim.touches[own.touch], deflection, (&self.view(q)?, q, qd, time))
     }
 
-    /// The direction of slip that has begun, where it is fast enough, follows from it from now on. Contacts that begin to slide at
-    /// one time are fast enough at one time, too: up to the error of the integration, and some of them have half that speed.
-    pub fn started(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {
-        let starts = self.starts();
-        self.accelerations(time, y)?; // and with them the directions
+    /// The direction of slip that has begun follows from it from now on: of the i-th contact, and of those whose slip has half of its share. Contacts
+    /// that begin to slide at one time are fast enough at one time, too, up to the error of the integration.
+    pub fn started(&mut self, i: usize, time: f64, y: &[f64]) -> Result<(), SimError> {
+        let (starts, first) = (self.starts(), self.active.lasting[i].touch);
         self.slips((time, y), |own, n, u| {
             if let Hold::Starts { toward } = own.hold
-                && starts.share(u - n * n.dot(&u), toward) >= 0.5
+                && (own.touch == first || starts.share(u - n * n.dot(&u), toward) >= 0.5)
             {
                 own.hold = Hold::Slides { toward };
             }

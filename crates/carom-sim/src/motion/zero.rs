@@ -18,7 +18,7 @@
 //! | error of a velocity along constraints: `noise` | max(τ, 1e-6) v / 20, at least τ L/(20 T) | states are projected, so that it is far below the tolerance |
 //! | a velocity is zero: `rest` | 10 times its error | one of this size stops within a time of the same size, and moves by its square |
 //! | approach velocity of a part beside another one: `still` | a hundredth of that | a fast turn about one part is a slow approach of the other |
-//! | slip u that begins has the direction d of its acceleration | up to √τ L/T, and while d × u is zero, or its square beyond that below τ L/T \|u\| | the error is of second order in the turn of d |
+//! | slip u that begins has the direction d of its acceleration | up to √τ L/T, and while d × u is zero or 100 τ L/T, or its square beyond that below τ L/T \|u\| | the error is of second order in the turn of d |
 //! | a compliant contact has the damping of its approach from | L/(1000 T) | that of Hunt & Crossley grows as the inverse of the approach |
 //!
 //! Gaps and rates of the limits of hinges are angles, and are compared without L. Shares of forces and accelerations: `state/accuracy.rs`.
@@ -84,7 +84,11 @@ impl<A: Space> Motion<'_, A> {
     /// Until when slip from rest has the direction of its acceleration.
     pub fn starts(&self) -> Start {
         let (tolerance, speed) = (self.sim.tolerance, self.scale.length * self.scale.pace);
-        Start { slip: tolerance.sqrt() * speed, error: tolerance * speed, rest: self.rest() }
+        Start {
+            slip: tolerance.sqrt() * speed,
+            error: tolerance * speed,
+            rest: self.rest().max(LEVER * tolerance * speed),
+        }
     }
 
     /// Gaps below this count as closed where the contact has no normal velocity.

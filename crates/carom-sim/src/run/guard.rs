@@ -199,8 +199,7 @@ impl Guard {
 
     /// Whether it depends on constraint forces, not only on positions and velocities.
     pub fn needs_forces(self) -> bool {
-        matches!(self.is(), Is::Force | Is::Slip { forces: true })
-            || matches!(self, Self::SlipEnds | Self::SlipGrows(_))
+        matches!(self.is(), Is::Force | Is::Slip { forces: true }) || matches!(self, Self::SlipEnds)
     }
 
     /// Whether the forces of a mode are admissible as far as this guard sees it, at its start. On the border the convention for redundant
@@ -454,7 +453,7 @@ impl<A: Space> Run<'_, '_, A> {
             Guard::Deepens(i) => return self.turn(i, false),
             Guard::MayClose(touch, ceases) => return if ceases { Ok(()) } else { self.refuse_overlap(touch) },
             Guard::Slackens(..) | Guard::Slider(..) => return Ok(()),
-            Guard::SlipGrows(_) => return self.motion.started(self.time, &before),
+            Guard::SlipGrows(i) => return self.motion.started(i, self.time, &before),
             Guard::SlipStops(i) => {
                 self.motion.follow_slip(self.time, &before)?;
                 let touch = self.motion.active.lasting[i].touch;
