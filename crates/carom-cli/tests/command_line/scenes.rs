@@ -536,7 +536,7 @@ fn values_that_nothing_uses_are_warned_of() {
             "[[force]]\nlink = \"base\"\nforce = [1, 0, 0]",
             "[[force]] 1: base is fixed to the world: no force moves it",
         ),
-        ("#run", "effort_limits = true", "effort_limits: the motors are off (controller)"),
+        ("#run", "effort_limits = true", "effort_limits: limits nothing while the motors are off (controller)"),
         (
             "#surface",
             "contact = { friction = 0, compliance = { stiffness = 1e4, slip_speed = 0.01 } }",

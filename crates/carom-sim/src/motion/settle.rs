@@ -26,7 +26,7 @@ impl Kink {
         Self { left: at.norm(), at }
     }
 
-    /// The place of one that there is not here: the n-th of two states is the same one.
+    /// A kink, or one that is infinitely far away: the n-th kinks of two states are the same one, whether or not both states have it.
     fn or_none(found: Option<Self>) -> Self {
         found.unwrap_or(Self { left: f64::INFINITY, at: Vector3::zeros() })
     }
@@ -310,8 +310,9 @@ impl<A: Space> Motion<'_, A> {
         own.grip(&sim.touches[own.touch], deflection, (&self.view(q)?, q, qd, time))
     }
 
-    /// The direction of slip that has begun follows from it from now on: of the i-th contact, and of those whose slip has half of its share. Contacts
-    /// that begin to slide at one time are fast enough at one time, too, up to the error of the integration.
+    /// The direction of slip that has begun follows from it from now on: of the i-th contact, whose guard has fired by the direction of the accelerations
+    /// that were computed last, and of those whose start is half over. Contacts that begin to slide at one time are fast enough at one time, too, up
+    /// to the error of the integration.
     pub fn started(&mut self, i: usize, time: f64, y: &[f64]) -> Result<(), SimError> {
         let (starts, first) = (self.starts(), self.active.lasting[i].touch);
         self.slips((time, y), |own, n, u| {

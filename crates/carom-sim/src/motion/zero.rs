@@ -38,13 +38,14 @@ pub(crate) const LEVER: f64 = 100.0;
 pub(crate) struct Start {
     slip: f64,
     error: f64,
-    rest: f64,
+    /// Slip across the direction that counts as none.
+    across: f64,
 }
 
 impl Start {
     /// How far the start of this slip is, whose acceleration has this direction; from 1 on it has ended.
     pub fn share(&self, slip: Vector3<f64>, toward: Vector3<f64>) -> f64 {
-        let (size, across) = (slip.norm(), (toward.cross(&slip).norm() - self.rest).max(0.0));
+        let (size, across) = (slip.norm(), (toward.cross(&slip).norm() - self.across).max(0.0));
         (size / self.slip).max(across * across / (size * self.error).max(f64::MIN_POSITIVE))
     }
 }
@@ -84,11 +85,8 @@ impl<A: Space> Motion<'_, A> {
     /// Until when slip from rest has the direction of its acceleration.
     pub fn starts(&self) -> Start {
         let (tolerance, speed) = (self.sim.tolerance, self.scale.length * self.scale.pace);
-        Start {
-            slip: tolerance.sqrt() * speed,
-            error: tolerance * speed,
-            rest: self.rest().max(LEVER * tolerance * speed),
-        }
+        let error = tolerance * speed;
+        Start { slip: tolerance.sqrt() * speed, error, across: self.rest().max(100.0 * error) }
     }
 
     /// Gaps below this count as closed where the contact has no normal velocity.
@@ -151,6 +149,8 @@ mod tests {
             ("rest of a limit", motion.rest_of(limit), [0, -1]),
             ("still", motion.still(), [1, -1]),
             ("starts", motion.starts().slip, [1, -1]),
+            ("error of a start", motion.starts().error, [1, -1]),
+            ("slip across a start", motion.starts().across, [1, -1]),
             ("slowest", scale.slowest(), [1, -1]),
             ("rate of a slide", scale.joint(0, 2.0 * length / time), [1, -1]),
             ("rate of a hinge", scale.joint(1, 2.0 * length / time), [0, -1]),
@@ -177,6 +177,8 @@ mod tests {
             1e-6 / 0.45,
             1e-8,
             1e-7_f64.sqrt() * 0.225,
+            1e-7 * 0.225,
+            1e-5 * 0.225,
             2.25e-4,
             2.0,
             2.0 / 0.45,

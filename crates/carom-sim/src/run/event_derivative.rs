@@ -270,7 +270,7 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
         let by = if stencil.is_one_sided() {
             values.iter().zip(stencil.weights).map(|(value, weight)| value * weight / step).sum()
         } else {
-            slope(guard, 0.0, values, step)
+            slope(guard, 0.0, values, step) // the event is its zero
         };
         Ok(-by / before.rate)
     }

@@ -184,7 +184,7 @@ impl Scene {
         let idle = wrenches.iter().enumerate().filter_map(|(k, it)| Some((k, force::idle(it, &chain, run.duration)?)));
         warnings.extend(idle.map(|(k, why)| format!("[[force]] {}: {why}", k + 1)));
         if run.effort_limits && matches!(drive, Drive::Off) {
-            warnings.push("effort_limits: the motors are off (controller)".into());
+            warnings.push("effort_limits: limits nothing while the motors are off (controller)".into());
         }
         let loops = file.loops.iter().enumerate().map(|(k, it)| closure(&chain, k, it));
         let loops = loops.collect::<Result<Vec<_>, _>>().map_err(refuse)?;
