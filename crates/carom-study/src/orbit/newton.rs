@@ -295,21 +295,26 @@ pub(super) fn difference(chain: &Chain, from: &State, to: &State) -> Result<DVec
 mod tests {
     use super::*;
 
-    /// What dry friction holds in a period comes back, and what is left of its velocity is rounding.
+    /// What dry friction holds in a period comes back, and what is left of its velocity is rounding: some of these matrices have no Schur form to
+    /// machine accuracy within the steps.
     #[test]
     fn eigenvalues_of_matrices_with_blocks_of_rounding_are_found() {
-        let mut rng = fastrand::Rng::with_seed(5);
-        for case in 0..300 {
-            let matrix = DMatrix::from_fn(6, 6, |i, j| match (i < 3, j < 3) {
-                (true, true) if i == j => 1.0,
-                (true, false) => 0.1 * (rng.f64() - 0.5),
-                _ => 10f64.powi(-16 - case % 8) * (rng.f64() - 0.5) * f64::from(rng.u8(0..2)),
+        let mut rng = fastrand::Rng::with_seed(3);
+        let mut stalled = 0;
+        for case in 0..2000 {
+            let n = 6 + case % 3;
+            let matrix = DMatrix::from_fn(n, n, |i, j| match (i < 3, j < 3) {
+                (true, true) => f64::from(u8::from(i == j)),
+                (true, false) => rng.f64() - 0.5,
+                _ => 10f64.powi(-14 - i32::from(rng.u8(0..8))) * (rng.f64() - 0.5) * f64::from(rng.u8(0..2)),
             });
+            stalled += u32::from(Schur::try_new(matrix.clone(), f64::EPSILON, n * n * STEPS).is_none());
             let mut sizes: Vec<f64> = eigenvalues(&matrix).iter().map(|x| x.norm()).collect();
             sizes.sort_by(f64::total_cmp);
-            let exact = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
-            let apart = sizes.iter().zip(exact).map(|(x, exact)| (x - exact).abs()).fold(0.0, f64::max);
+            let exact = |k: usize| if k < n - 3 { 0.0 } else { 1.0 };
+            let apart = sizes.iter().enumerate().map(|(k, x)| (x - exact(k)).abs()).fold(0.0, f64::max);
             assert!(apart < 1e-7, "{case}: {sizes:?}");
         }
+        assert!(stalled > 0);
     }
 }
