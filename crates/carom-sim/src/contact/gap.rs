@@ -7,7 +7,7 @@ use crate::state::{Felt, Space, View};
 use carom_chain::algebra::{Pose, z_onto};
 use carom_chain::{FrameId, Point, Rows, Spatial};
 use carom_contact::{Gap, Met};
-use nalgebra::{DMatrix, DVector, MatrixXx3, Vector3};
+use nalgebra::{DVector, MatrixXx3, Vector3};
 
 /// A touch at one state.
 #[derive(Debug, Clone, Copy)]
@@ -45,15 +45,6 @@ impl<A: Space> Place<A> {
         }
         view.kin.clear_rounding(self.position.norm(), n.norm(), row);
         Ok(())
-    }
-
-    /// J: 3×nv, world axes.
-    pub fn jacobian(&self, view: &View<A>) -> DMatrix<f64> {
-        let own = view.jacobian(self.point);
-        match self.against {
-            Some(other) => own - view.jacobian(other),
-            None => own,
-        }
     }
 
     /// J qd, m/s.
@@ -246,11 +237,6 @@ impl Touch {
         }
         view.respond(&row, &mut response)?;
         Ok(row.dot(0, response.row(0)) > 0.0)
-    }
-
-    /// Whether [`Touch::drift`] has a closed form.
-    pub(crate) fn has_closed_drift(&self) -> bool {
-        !self.is_whole()
     }
 
     /// Whether its contact point can leave the faces and edges that touch.

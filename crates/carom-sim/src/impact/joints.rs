@@ -38,10 +38,6 @@ pub enum JointModel<'a> {
 }
 
 impl JointModel<'_> {
-    pub(super) fn locks(&self) -> bool {
-        matches!(self, Self::Locked(_) | Self::AllLocked)
-    }
-
     /// One number for all joints: that of each velocity coordinate, 0 for those of floating joints, which have no drive.
     #[doc(hidden)]
     pub fn for_all_joints(chain: &Chain, number: f64) -> Vec<f64> {

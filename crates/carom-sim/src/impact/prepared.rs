@@ -127,8 +127,6 @@ pub(super) struct Aim<'a> {
     pub point: FramePoint,
     /// Contact axes in the world: two tangents, then the normal.
     pub axes: Matrix3<f64>,
-    /// Whether the joint model locks joints.
-    pub locks: bool,
     /// Diagonal of W; empty if the drives do not act.
     pub added: Vec<f64>,
 }
@@ -423,7 +421,7 @@ pub(super) fn problem<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const 
     }
     if !response.moves() {
         let (link, normal) = (aim.link(), aim.axes.column(2).into_owned());
-        return Err(if aim.locks {
+        return Err(if aim.added.iter().any(|w| w.is_infinite()) {
             SimError::Locked { link, normal }
         } else {
             SimError::SingularNormal { link, normal }

@@ -169,7 +169,7 @@ impl<'a> Strike<'a> {
         if !added.is_empty() && above.all(|body| added[bodies[body].v_index].is_infinite()) {
             return Err(SimError::Locked { link: link(), normal });
         }
-        Ok(Aim { chain: self.chain, point: contact, axes: z_onto(normal), locks: self.joints.locks(), added })
+        Ok(Aim { chain: self.chain, point: contact, axes: z_onto(normal), added })
     }
 
     /// Computes the contact: Jacobian, Delassus matrix and impact problem, which are the same for all laws.

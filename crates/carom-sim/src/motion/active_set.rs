@@ -48,12 +48,15 @@ impl ActiveSet {
         }
     }
 
+    /// Begins time steps, to which rigid contacts are left.
+    pub fn let_go(&mut self) {
+        self.stepping = true;
+        self.lasting.retain(|own| !own.is_rigid());
+    }
+
     /// Whether both have the same contacts in the same modes.
     pub fn is_alike(&self, other: &Self) -> bool {
-        let same = |(own, other): (&Lasting, &Lasting)| {
-            let (own, other) = (own.mode(), other.mode());
-            own.touch() == other.touch() && std::mem::discriminant(&own) == std::mem::discriminant(&other)
-        };
+        let same = |(own, other): (&Lasting, &Lasting)| own.is_alike(other);
         let contacts = self.lasting.len() == other.lasting.len() && self.lasting.iter().zip(&other.lasting).all(same);
         let joints = self.dry.iter().zip(&other.dry).all(|(own, other)| own.state == other.state);
         contacts && joints && self.stepping == other.stepping
@@ -105,6 +108,11 @@ impl Lasting {
             None => Hold::Sticks,
         };
         Self { touch, hold }
+    }
+
+    /// Whether both are the same contact in the same mode.
+    pub fn is_alike(&self, other: &Self) -> bool {
+        self.touch == other.touch && std::mem::discriminant(&self.mode()) == std::mem::discriminant(&other.mode())
     }
 
     /// Whether it is a constraint.

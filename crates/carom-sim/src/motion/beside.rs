@@ -15,7 +15,7 @@ use super::rows::Contact;
 use super::smooth::Motion;
 use crate::error::SimError;
 use crate::state::{Basis, ContactImpulse, EXACT, Space};
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, MatrixXx3, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix3xX, MatrixXx3, Vector3};
 
 /// See the head of this module.
 pub(crate) struct Beside {
@@ -23,8 +23,6 @@ pub(crate) struct Beside {
     pub delassus: Matrix3<f64>,
     /// Velocity jumps of the joints for unit impulses of the touch along the world axes, nv×3.
     pub response: MatrixXx3<f64>,
-    /// The same for unit impulses along the contact axes, 3×nv.
-    own: Matrix3xX<f64>,
     passed: DMatrix<f64>,
     contacts: Vec<Contact>,
     pub position: Vector3<f64>,
@@ -70,12 +68,12 @@ impl<A: Space> Motion<'_, A> {
             }
         }
         let response = own.transpose() * axes.transpose();
-        Ok(Some(Beside { delassus, response, own, passed, contacts, position, normal }))
+        Ok(Some(Beside { delassus, response, passed, contacts, position, normal }))
     }
 
-    /// The velocity jump of the joints and the impulses of the lasting contacts for an impulse of the touch (contact axes, N s);
-    /// `None` if one of these pulls or leaves its friction cone.
-    pub fn carried(&self, beside: &Beside, impulse: &Vector3<f64>) -> Option<(DVector<f64>, Vec<ContactImpulse>)> {
+    /// The impulses of the lasting contacts for an impulse of the touch (contact axes, N s); `None` if one of these pulls or leaves its
+    /// friction cone.
+    pub fn carried(&self, beside: &Beside, impulse: &Vector3<f64>) -> Option<Vec<ContactImpulse>> {
         let passed = -(&beside.passed * impulse);
         let rounding = EXACT * impulse.norm();
         let mut impulses = Vec::new();
@@ -92,6 +90,6 @@ impl<A: Space> Motion<'_, A> {
                 impulses.push(ContactImpulse { touch: contact.own.touch, point: contact.position, impulse });
             }
         }
-        Some((beside.own.tr_mul(impulse), impulses))
+        Some(impulses)
     }
 }

@@ -135,9 +135,6 @@ impl<A: Space> Motion<'_, A> {
             stored.force = contact.force(forces.as_slice());
             stored.normal_force = forces[contact.rows.end - 1];
         }
-        for (i, k) in constraints.joints.iter().enumerate() {
-            held.joints[*k] = forces[first + i];
-        }
         Ok(())
     }
 }

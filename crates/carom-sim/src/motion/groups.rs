@@ -56,17 +56,6 @@ impl Group {
     }
 }
 
-/// What is watched while some contacts last.
-#[derive(Debug, Default)]
-pub(crate) struct ToWatch {
-    /// Touches.
-    pub single: Vec<usize>,
-    /// Groups without a contact that lasts.
-    pub groups: Vec<usize>,
-    /// Groups with one.
-    pub rests: Vec<usize>,
-}
-
 /// The gaps of all touches of a simulation.
 pub(crate) struct Gaps<'a, A: Space> {
     sim: &'a Simulation,
@@ -109,24 +98,22 @@ impl<'a, A: Space> Gaps<'a, A> {
         self.group_of[touch].is_some_and(|group| self.lasts(group, lasting))
     }
 
-    /// What is watched while these contacts last: gaps one by one, groups as a whole, and the rest of groups whose other contacts
-    /// last. Only of touches that may close at this state.
-    pub fn to_watch(&self, lasting: &[Lasting], (state, pace): (&[f64], f64)) -> ToWatch {
-        let mut watched = ToWatch::default();
+    /// What is watched while these contacts last: touches, and groups by their [gap](Self::of_group). Only of touches that may close at this
+    /// state.
+    pub fn to_watch(&self, lasting: &[Lasting], (state, pace): (&[f64], f64)) -> [Vec<usize>; 2] {
         let may_close = |k: usize| self.sim.touches[k].may_close(state, pace);
         let open = |k: &usize| may_close(*k) && !lasting.iter().any(|own| own.touch == *k);
-        watched.single = self.alone.iter().copied().filter(open).collect();
+        let mut single: Vec<usize> = self.alone.iter().copied().filter(open).collect();
+        let mut groups = Vec::new();
         for (g, group) in self.groups.iter().enumerate() {
-            if !self.lasts(g, lasting) {
-                watched.groups.extend(may_close(group.parts[0]).then_some(g));
-            } else if group.is_hull_on_plane() {
-                watched.rests.extend(may_close(group.parts[0]).then_some(g));
+            if !self.lasts(g, lasting) || group.is_hull_on_plane() {
+                groups.extend(may_close(group.parts[0]).then_some(g));
             } else {
-                watched.single.extend(group.parts.iter().filter(|k| open(k)));
-                watched.single.extend(group.whole.filter(|_| !group.pair.is_complete()).filter(open));
+                single.extend(group.parts.iter().filter(|k| open(k)));
+                single.extend(group.whole.filter(|_| !group.pair.is_complete()).filter(open));
             }
         }
-        watched
+        [single, groups]
     }
 
     /// Whether a touch belongs to a group.
@@ -208,7 +195,7 @@ impl<'a, A: Space> Gaps<'a, A> {
     }
 
     /// The least gap, with its rate, of the contacts of a group that do not last.
-    pub fn rest(&self, group: usize, lasting: &[Lasting], view: &View<A>, qd: &[f64], time: f64) -> Look {
+    fn rest(&self, group: usize, lasting: &[Lasting], view: &View<A>, qd: &[f64], time: f64) -> Look {
         let placed = self.placed(group, view, qd, time)?;
         Ok(self.least(group, &placed, |part| !lasting.iter().any(|own| own.touch == part)).0)
     }
@@ -260,8 +247,18 @@ impl<'a, A: Space> Gaps<'a, A> {
         self.groups[group].parts[0]
     }
 
-    /// Gap and gap rate of a group; lower bounds where the bodies are far apart.
-    pub fn of_group(&self, group: usize, view: &View<A>, (q, qd): (&[f64], &[f64]), time: f64) -> Look {
+    /// Gap and gap rate of a group, or of those of its contacts that do not last; lower bounds where the bodies are far apart.
+    pub fn of_group(
+        &self,
+        group: usize,
+        lasting: &[Lasting],
+        view: &View<A>,
+        (q, qd): (&[f64], &[f64]),
+        time: f64,
+    ) -> Look {
+        if self.lasts(group, lasting) {
+            return self.rest(group, lasting, view, qd, time);
+        }
         let Group { pair, parts, whole, .. } = &self.groups[group];
         let touch = &self.sim.touches[whole.unwrap_or(parts[0])];
         if let Some(far) = pair.clearance(view, touch.shift(time), qd)? {
@@ -304,7 +301,7 @@ impl<'a, A: Space> Gaps<'a, A> {
         }
         for (g, group) in self.groups.iter().enumerate() {
             let open = FAR * group.pair.size();
-            if !self.lasts(g, lasting) && self.of_group(g, view, state, time)?.0 > open {
+            if !self.lasts(g, lasting) && self.of_group(g, lasting, view, state, time)?.0 > open {
                 continue;
             }
             let placed = self.placed(g, view, state.1, time)?;

@@ -114,7 +114,7 @@ impl<A: Space> Motion<'_, A> {
         let (q, qd) = self.sim.split(y);
         let sim = self.sim;
         let mut numerical = Vec::new();
-        for own in lasting.iter().filter(|own| own.is_rigid() && !sim.touches[own.touch].has_closed_drift()) {
+        for own in lasting.iter().filter(|own| own.is_rigid() && sim.touches[own.touch].is_whole()) {
             numerical.push(self.numerical_drift(own.touch, (q, qd, time))?);
         }
         let mut numerical = numerical.into_iter();
@@ -170,13 +170,9 @@ impl<A: Space> Motion<'_, A> {
             return Ok(Loads { tau, power, bends: Vec::new() });
         }
         let mut found = Assembled::new(qd.len());
-        self.assemble((time, y), &lasting, Detail::ROWS, &mut found)?;
+        self.place((time, y), &lasting, false, &mut found)?;
         let mut bends = vec![0.0; 3 * self.bristles.len()];
-        for (own, pressed) in lasting.iter().zip(&found.pressed) {
-            if let Some(slot) = self.bristles.iter().position(|&k| k == own.touch) {
-                bends[3 * slot..3 * slot + 3].copy_from_slice(pressed.bends.as_slice());
-            }
-        }
+        self.bend(lasting.iter().filter(|own| !own.is_rigid()).zip(&found.pressed), &mut bends);
         Ok(Loads { tau: found.tau, power: found.power, bends })
     }
 

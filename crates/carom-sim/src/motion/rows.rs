@@ -157,7 +157,7 @@ impl Constraints {
     }
 
     /// The rows R of a rigid contact. `None` in place of a view: the limit of a joint that is locked, which has no row.
-    fn add_rows<A: Space>(
+    pub fn add<A: Space>(
         &mut self,
         (own, touch): (&Lasting, &Touch),
         (at, view): (&At<A>, Option<&View<A>>),
@@ -192,17 +192,6 @@ impl Constraints {
         Ok(&mut self.contacts[last])
     }
 
-    /// A rigid contact, for gaps or velocities.
-    pub fn add<A: Space>(
-        &mut self,
-        contact: (&Lasting, &Touch),
-        (at, view): (&At<A>, &View<A>),
-        time: f64,
-        level: Level,
-    ) -> Result<(), SimError> {
-        self.add_rows(contact, (at, Some(view)), time, level).map(|_| ())
-    }
-
     /// A rigid contact, for accelerations. `drift`: (g̈, u̇) at q̈ = 0. Slip below `noise` has the direction that it began with.
     pub fn add_accelerated<A: Space>(
         &mut self,
@@ -213,7 +202,7 @@ impl Constraints {
         (noise, locked): (f64, bool),
     ) -> Result<(), SimError> {
         let view_of_row = (at.surface.is_some() || !locked).then_some(view);
-        let added = self.add_rows((own, touch), (at, view_of_row), time, Level::Velocities)?;
+        let added = self.add((own, touch), (at, view_of_row), time, Level::Velocities)?;
         let rows = added.rows.clone();
         if let Some(place) = at.surface {
             (added.velocity, added.drift) = (place.velocity(view, qd)?, u_drift);

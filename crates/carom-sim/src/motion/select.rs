@@ -31,15 +31,6 @@ use std::ops::Range;
 /// Accuracy of forces and impulses of several contacts, relative to the largest acceleration without forces, or velocity. Problems that are
 /// solved at all take less than a hundred iterations from the first start, which gets a seventh of these; others often have no solution.
 pub(crate) const ACCURACY: Accuracy = Accuracy { tolerance: EXACT, max_iterations: 1000 };
-/// A closed contact before its mode is decided.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Candidate {
-    pub touch: usize,
-    /// Unit direction of slip; `None`: at rest.
-    pub slip: Option<Vector3<f64>>,
-    /// Whether it presses (a compliant contact), or its slip begins: it is kept.
-    pub kept: Option<Lasting>,
-}
 
 /// A solution of the complementarity problem.
 pub(super) struct Solution {
@@ -53,38 +44,46 @@ pub(super) struct Solution {
 }
 
 impl<A: Space> Motion<'_, A> {
-    /// The candidate of a touch at its present slip.
-    pub fn candidate(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<Candidate, SimError> {
+    /// The unit direction of slip of a touch; `None`: at rest.
+    pub fn slip(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<Option<Vector3<f64>>, SimError> {
         let (q, qd) = self.split(y);
         let sim = self.sim;
-        let mut slip = None;
-        if sim.touches[touch].link().is_some() && !sim.touches[touch].contact.latch {
-            let rest = self.rest();
-            let view = self.view(q)?;
-            if let Some(place) = sim.touches[touch].at(&view, q, time).surface {
-                let u = sim.touches[touch].u(&place, &view, qd, time)?;
-                slip = direction_of_slip(u, place.normal, rest);
-            }
+        if sim.touches[touch].link().is_none() || sim.touches[touch].contact.latch {
+            return Ok(None);
         }
-        let starts = |own: &&Lasting| own.touch == touch && matches!(own.hold, Hold::Starts { .. });
-        let kept = slip.and(self.active.lasting.iter().find(starts).copied());
-        Ok(Candidate { touch, slip, kept })
+        let rest = self.rest();
+        let view = self.view(q)?;
+        let Some(place) = sim.touches[touch].at(&view, q, time).surface else { return Ok(None) };
+        let u = sim.touches[touch].u(&place, &view, qd, time)?;
+        Ok(direction_of_slip(u, place.normal, rest))
     }
 
-    /// Sets the modes of the candidates and of the joints with dry friction; contacts that open are dropped. The normal
-    /// velocities of the candidates, and all velocities of those at rest, are set to zero. `false`: no consistent mode was
-    /// found.
-    pub fn select(&mut self, candidates: &[Candidate], time: f64, y: &mut [f64]) -> Result<bool, SimError> {
-        let nq = self.sim.chain.nq();
-        self.close_loops(y)?;
-        let before = self.active.dry.clone();
-        let rest = self.rest();
+    /// A closed touch at its present slip, before its mode is chosen. Slip that begins, and has not ended, goes on to begin.
+    pub fn candidate(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<Lasting, SimError> {
+        let slip = self.slip(touch, time, y)?;
+        let starts = |own: &&Lasting| own.touch == touch && matches!(own.hold, Hold::Starts { .. });
+        let kept = slip.and(self.active.lasting.iter().find(starts).copied());
+        Ok(kept.unwrap_or_else(|| Lasting::of(touch, &self.sim.touches[touch], slip)))
+    }
+
+    /// Sets the states of the joints with dry friction by their velocities.
+    pub fn brake(&mut self, y: &[f64]) {
+        let (nq, rest) = (self.sim.chain.nq(), self.rest());
         for joint in &mut self.active.dry {
             let rate = y[nq + joint.v];
             joint.state =
                 if rate.abs() > self.scale.joint(joint.v, rest) { Dry::Brakes(rate.signum()) } else { Dry::Holds };
         }
-        let mut entries: Vec<Lasting> = candidates.iter().map(|candidate| self.entry(candidate)).collect();
+    }
+
+    /// Sets the modes of the candidates and of the joints with dry friction; contacts that open are dropped. The normal
+    /// velocities of the candidates, and all velocities of those at rest, are set to zero. `false`: no consistent mode was
+    /// found.
+    pub fn select(&mut self, candidates: &[Lasting], time: f64, y: &mut [f64]) -> Result<bool, SimError> {
+        self.close_loops(y)?;
+        let before = self.active.dry.clone();
+        self.brake(y);
+        let mut entries = candidates.to_vec();
         self.pass_dead_points(&mut entries, &before, (time, y))?;
         self.other_mode = None;
         self.project((&entries, &entries), time, y)?;
@@ -121,12 +120,6 @@ impl<A: Space> Motion<'_, A> {
         });
         self.margin_forces = solved.map(|solution| solution.force);
         Ok(margin)
-    }
-
-    /// The entry of a candidate in the complementarity problem.
-    pub fn entry(&self, candidate: &Candidate) -> Lasting {
-        let Candidate { touch, slip, kept } = *candidate;
-        kept.unwrap_or_else(|| Lasting::of(touch, &self.sim.touches[touch], slip))
     }
 
     /// The solution of the complementarity problem; `None` if none was found. `start`: forces that may be near it.
@@ -317,7 +310,7 @@ mod tests {
             let mut motion = Motion::<Spatial<f64>>::new(&sim, &sim.chain);
             motion.measure(0.0, &y);
             let closed = (0..sim.touches.len()).filter(|&k| lower(&sim.touches[k]));
-            let candidates: Vec<Candidate> = closed.map(|touch| Candidate { touch, slip: None, kept: None }).collect();
+            let candidates: Vec<Lasting> = closed.map(|k| Lasting::of(k, &sim.touches[k], None)).collect();
             let mut there = y.clone();
             assert!(motion.select(&candidates, 0.0, &mut there).unwrap());
             let starts = motion.active.lasting.iter().filter(|own| matches!(own.hold, Hold::Starts { .. })).count();

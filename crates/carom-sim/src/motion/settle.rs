@@ -5,7 +5,6 @@ use super::active_set::{ActiveSet, Dry, DryJoint, Hold, Lasting};
 use super::assembled::Assembled;
 use super::held::Detail;
 use super::rows::{Constraints, Level, direction_of_slip, push};
-use super::select::Candidate;
 use super::smooth::{Motion, deflection};
 use crate::contact::{Grip, Slack};
 use crate::error::SimError;
@@ -74,7 +73,7 @@ impl<A: Space> Motion<'_, A> {
                 let at = touch.at(&view, &q, time);
                 // Not parts that no longer face each other.
                 if at.gap.is_finite() {
-                    table.add((own, touch), (&at, &view), time, level)?;
+                    table.add((own, touch), (&at, Some(&view)), time, level)?;
                 }
             }
             let errors = match level {
@@ -111,7 +110,7 @@ impl<A: Space> Motion<'_, A> {
         let (mut table, mut responses) = (Constraints::new(change.len()), Rows::new(change.len()));
         for own in active.lasting.iter().filter(|own| own.is_rigid()) {
             let touch = &sim.touches[own.touch];
-            table.add((own, touch), (&touch.at(&view, q, time), &view), time, Level::Velocities)?;
+            table.add((own, touch), (&touch.at(&view, q, time), Some(&view)), time, Level::Velocities)?;
         }
         table.hold(&active.dry);
         view.respond(&table.rows, &mut responses)?;
@@ -127,10 +126,9 @@ impl<A: Space> Motion<'_, A> {
     /// The infinitely many impacts of an accumulation carry the normal impulse of a lasting contact of the same duration, less
     /// that of the normal velocity which they start with. This difference has its friction, too. Without it slip would be
     /// wrong by μ times that velocity: an error of first order in the Zeno time.
-    pub fn shut(&mut self, candidates: &[Candidate], time: f64, y: &mut [f64]) -> Result<(), SimError> {
-        let entries: Vec<Lasting> = candidates.iter().map(|candidate| self.entry(candidate)).collect();
+    pub fn shut(&mut self, entries: &[Lasting], time: f64, y: &mut [f64]) -> Result<(), SimError> {
         let mut found = std::mem::take(&mut self.assembled);
-        let done = self.assemble((time, y), &entries, Detail::ROWS, &mut found).and_then(|()| {
+        let done = self.assemble((time, y), entries, Detail::ROWS, &mut found).and_then(|()| {
             let nq = self.sim.chain.nq();
             let qd = &mut y[nq..nq + self.sim.chain.nv()];
             let excess = found.constraints.excess(qd);
@@ -142,7 +140,7 @@ impl<A: Space> Motion<'_, A> {
         self.assembled = found;
         match done {
             // No impulse along n − μ d closes the gap.
-            Err(SimError::Jam { .. }) => self.project((&entries, &entries), time, y).map(|_| ()),
+            Err(SimError::Jam { .. }) => self.project((entries, entries), time, y).map(|_| ()),
             done => done,
         }
     }

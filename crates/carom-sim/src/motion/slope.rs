@@ -124,11 +124,7 @@ impl<A: Space> Motion<'_, A> {
         all.extend((0..constraints.rows.len()).map(|i| constraints.rows.dot(i, &at.qdd) + constraints.drifts[i]));
         all.extend(wanted.iter().enumerate().map(|(i, wanted)| loops.dot(i, &at.qdd) - wanted));
         let mut bends = vec![0.0; 3 * self.bristles.len()];
-        for (own, pressed) in lasting.iter().filter(|own| !own.is_rigid()).zip(&pressed) {
-            if let Some(slot) = self.bristles.iter().position(|&k| k == own.touch) {
-                bends[3 * slot..3 * slot + 3].copy_from_slice(pressed.bends.as_slice());
-            }
-        }
+        self.bend(lasting.iter().filter(|own| !own.is_rigid()).zip(&pressed), &mut bends);
         all.extend(bends);
         Ok(DVector::from_vec(all))
     }

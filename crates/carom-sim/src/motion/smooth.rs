@@ -4,8 +4,8 @@
 //! State vectors are (q, qd, work of the drive, work of dissipative forces): the terms of the energy balance are integrated
 //! with the motion. The deflections of the bristles (world, m) of compliant contacts that have one are appended.
 
-use super::active_set::{ActiveSet, Dry};
-use super::assembled::{Assembled, ConstraintForces};
+use super::active_set::{ActiveSet, Dry, Lasting};
+use super::assembled::{Assembled, ConstraintForces, Force};
 use super::groups::{Gaps, Near};
 use super::scale::Scale;
 use crate::contact::{Moving, Touch};
@@ -285,11 +285,7 @@ impl<'a, A: Space> Motion<'a, A> {
         if let Some(held) = held {
             qdd.copy_from_slice(held.qdd.as_slice());
             power.copy_from_slice(&held.power);
-            for (own, force) in self.active.lasting.iter().zip(&held.contacts) {
-                if let Some(slot) = self.bristles.iter().position(|&k| k == own.touch) {
-                    bends[3 * slot..3 * slot + 3].copy_from_slice(force.bends.as_slice());
-                }
-            }
+            self.bend(self.active.lasting.iter().zip(&held.contacts), bends);
         } else {
             power.copy_from_slice(&self.accelerate(time, y, qdd)?);
         }
@@ -365,10 +361,19 @@ impl<'a, A: Space> Motion<'a, A> {
         let u = at.surface.map_or(Ok(Vector3::zeros()), |place| touch.u(&place, &view, qd, time))?;
         Ok((at.gap, touch.rate(&at, &view, qd, time)?, u))
     }
+
+    /// Writes the rates of the deflections of bristles that these contacts have.
+    pub fn bend<'f>(&self, forces: impl Iterator<Item = (&'f Lasting, &'f Force)>, bends: &mut [f64]) {
+        for (own, force) in forces {
+            if let Some(slot) = self.bristles.iter().position(|&k| k == own.touch) {
+                bends[3 * slot..3 * slot + 3].copy_from_slice(force.bends.as_slice());
+            }
+        }
+    }
 }
 
 /// The touches with a bristle.
-pub(crate) fn bristles(sim: &Simulation) -> Vec<usize> {
+fn bristles(sim: &Simulation) -> Vec<usize> {
     let has = |k: &usize| sim.touches[*k].contact.compliance.is_some_and(|it| it.has_bristle());
     (0..sim.touches.len()).filter(has).collect()
 }

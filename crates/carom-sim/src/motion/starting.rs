@@ -53,8 +53,8 @@ impl<A: Space> Motion<'_, A> {
             let mut slope = DMatrix::zeros(count, count);
             for j in 0..count {
                 let turned = found.turned(j, lambda[starts[j].row]);
-                let held: DVector<f64> =
-                    found.constraints.rows.iter().map(|row| dot(row, turned.as_slice())).collect::<Vec<_>>().into();
+                let rows = &found.constraints.rows;
+                let held = DVector::from_fn(rows.len(), |i, _| rows.dot(i, turned.as_slice()));
                 let mut change = turned;
                 let forces = equations.as_ref().and_then(|it| it.solve(&-held));
                 let forces = forces.ok_or_else(|| self.jam(time, found, 0))?;
@@ -118,10 +118,6 @@ impl<A: Space> Motion<'_, A> {
             *toward = start.toward();
         }
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 impl Assembled {

@@ -148,8 +148,7 @@ impl<A: Space> Motion<'_, A> {
         if !constraints.joints.is_empty() || constraints.contacts.iter().any(|it| it.own.hold == Hold::Latched) {
             return false;
         }
-        let own = if constraints.skewed.is_empty() { &found.responses } else { &found.own_responses };
-        let (gram, forces) = (found.gram(), constraints.forces.times(own));
+        let (gram, forces) = (found.gram(), constraints.forces.times(found.own()));
         let m = gram.nrows();
         // v = M⁻¹Rᵀ c; u = F v.
         let mut u = DVector::<f64>::zeros(m);

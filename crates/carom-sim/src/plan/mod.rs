@@ -198,7 +198,7 @@ impl Plan {
     fn contacts(&mut self, scene: &Scene) {
         let touches = &self.simulation.touches;
         let (limits, pairs): (Vec<&Touch>, Vec<&Touch>) = touches.iter().partition(|touch| touch.limit_of().is_some());
-        let closed = pairs.iter().filter(|touch| touch.has_closed_drift()).count();
+        let closed = pairs.iter().filter(|touch| !touch.is_whole()).count();
         let search = pairs.len() - closed;
         // The contacts of parts stand behind their pair.
         let pairs: Vec<&Touch> = pairs.into_iter().filter(|touch| !touch.is_part()).collect();

@@ -6,7 +6,7 @@ use crate::model::{Drive, Simulation, motors};
 use crate::motion::Motion;
 use crate::state::{EXACT, View};
 use carom_chain::{Chain, Coordinates, JointInfo, PlanarChain, Spatial};
-use nalgebra::{DMatrix, Matrix3};
+use nalgebra::DMatrix;
 
 /// Largest penetration, m, of the compliant touch with the smallest gap, if it were hit at the start pose and velocity.
 pub(super) fn depth_at_start(sim: &Simulation, q: &[f64], qd: &[f64]) -> Result<f64, SimError> {
@@ -39,13 +39,13 @@ pub(super) fn bound_at_start(
     let Some(place) = near.min_by(|a, b| a.gap.total_cmp(&b.gap)).and_then(|at| at.surface) else {
         return Ok(None);
     };
-    let jacobian = place.jacobian(&view);
-    let response = view.responses(&jacobian)?;
-    let delassus: Matrix3<f64> = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
     let u = place.velocity(&view, qd)?;
     let approach = (-place.normal.dot(&u)).max(0.0);
     let speed = u.norm();
-    Ok((speed > 0.0).then(|| friction_bound(&delassus, &place.normal, approach, e, mu) / speed))
+    let bound = place
+        .inertia(&mut view)?
+        .map_or(f64::INFINITY, |(delassus, _)| friction_bound(&delassus, &place.normal, approach, e, mu));
+    Ok((speed > 0.0).then(|| bound / speed))
 }
 
 /// The floating and planar joints, which no motor drives.

@@ -3,7 +3,7 @@
 
 use super::changed::{AT, WEIGHTS};
 use super::guard::Ending;
-use super::guard::{Guard, GuardValue, Is, look};
+use super::guard::{Guard, GuardValue, look};
 use super::history::History;
 use super::run_state::Run;
 use crate::error::SimError;
@@ -136,7 +136,7 @@ pub(crate) fn outcome<A: Space>(
             run.motion.sim.normalise(&mut y);
             run.motion.settle(time, &mut y)?;
         }
-        if matches!(guard.is(), Is::Slip { .. }) {
+        if matches!(guard, Guard::SlipStops(_) | Guard::JointStops(_)) {
             run.motion.straighten(after, time, &mut y)?;
             run.motion.active = after.clone();
             run.motion.settle(time, &mut y)?;
@@ -177,10 +177,9 @@ pub(crate) fn jump<A: Space>(run: &mut Run<A>, touch: usize, before: &Before) ->
     let (time, x) = (before.time, before.x.as_slice());
     let (nq, nv, sim) = (run.motion.sim.chain.nq(), run.motion.sim.chain.nv(), run.motion.sim);
     let y = run.y_of(x);
+    let gaps = run.motion.all_gaps(time, &y, |_, _| false)?;
     let scale = &run.motion.scale;
-    let closed: Vec<f64> = (0..sim.touches.len()).map(|k| scale.touching(k)).collect();
-    let mut gaps = run.motion.all_gaps(time, &y, |_, _| false)?.into_iter();
-    if gaps.any(|(k, (gap, _))| k != touch && gap <= closed[k]) {
+    if gaps.iter().any(|&(k, (gap, _))| k != touch && gap <= scale.touching(k)) {
         return Ok(None);
     }
     let one = &sim.touches[touch];

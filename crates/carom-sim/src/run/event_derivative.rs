@@ -27,7 +27,7 @@
 use super::changed::{CENTRAL, Changed, DIFFERENCE, Stencil};
 use super::crossing::{After, Before, Struck, WIDE, jump, normal, outcome, rate, slope, value};
 use super::follow::{Follow, Stop};
-use super::guard::{Ending, Guard, Is};
+use super::guard::{Ending, Guard};
 use super::linear_run::{Around, LinearEvent, Maps};
 use super::run_state::Run;
 use super::trajectory::EventKind;
@@ -68,13 +68,12 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
     ) -> Result<Option<LinearEvent>, Stop> {
         let (time, x) = (self.run.time, self.run.x());
         // The force is continuous where it changes from loading to unloading.
-        if let Ending::Fired(turns @ (Guard::Turns(i) | Guard::Deepens(i))) = ending {
+        if let Ending::Fired(Guard::Turns(i)) = ending {
             self.run.act(ending)?;
             if self.run.motion.active.stepping {
                 return self.broken(time, STEPS_BEGIN);
             }
-            let unloads = matches!(turns, Guard::Turns(_));
-            return Ok(Some(self.remembering((time, &x), active, |run| run.turn(i, unloads))?));
+            return Ok(Some(self.remembering((time, &x), active, |run| run.turn(i))?));
         }
         let f = self.probe.field(time, &x)?;
         let guard = if let Ending::Fired(guard) = ending { Some(guard) } else { None };
@@ -90,7 +89,7 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
         if self.run.motion.active.stepping {
             return self.broken(time, STEPS_BEGIN);
         }
-        let is_force = guard.is_some_and(|guard| guard.is() == Is::Force);
+        let is_force = guard.is_some_and(Guard::is_force);
         let slips = matches!(guard, Some(Guard::SlipStops(_) | Guard::SlipGrows(_)));
         let changes_no_force =
             slips || matches!(guard, Some(Guard::MayClose(..) | Guard::Slackens(..) | Guard::Slider(..)));
@@ -113,7 +112,7 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
         let mut middle = None;
         if closed.is_none() || !self.changed.iter().all(is_closed) {
             self.probe.motion.active = before.active.clone();
-            if let Some(guard) = guard.filter(|guard| guard.is() == Is::Gap || matches!(guard, Guard::Depth(_))) {
+            if let Some(guard) = guard.filter(|guard| guard.is_gap() || matches!(guard, Guard::Depth(_))) {
                 before.normal = normal(&mut self.probe, guard, time, before.x.as_slice())?;
             }
             let at = (time, before.x.as_slice());
@@ -243,7 +242,7 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
         let happened = self.happened.borrow();
         let [event] = happened.as_slice() else { return None };
         let (EventKind::Impact { touch, .. } | EventKind::Limit { touch, .. }) = &event.kind else { return None };
-        let gap = before.guard.is_some_and(|guard| guard.is() == Is::Gap);
+        let gap = before.guard.is_some_and(Guard::is_gap);
         let free = !before.active.lasting.iter().any(Lasting::is_rigid);
         // The impact may turn the direction in which dry friction brakes a joint; a joint that it moves must not be held after it.
         let mut turned = before.active.clone();

@@ -11,7 +11,7 @@
 //! **A gap closes**: an impact (`impacts.rs`), then the same choice among the contacts that it leaves closed.
 //!
 //! **No consistent mode**: a contact that slides has an impact without collision (Painlevé); what has no solution at all is
-//! computed by time steps (`several.rs`), until a mode is consistent again.
+//! computed by time steps (`steps.rs`), until a mode is consistent again.
 
 use super::guard::Ending;
 use super::guard::Guard;
@@ -41,11 +41,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         run.begin()?;
         let stop = run.until_end(false)?;
         run.summary(start, stop)
-    }
-
-    pub fn one_leg(&mut self) -> Result<(), SimError> {
-        let ending = self.leg()?;
-        self.act(ending)
     }
 
     /// What follows the end of a leg.
@@ -92,12 +87,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         if std::mem::take(&mut self.history.slip_goes_on) || self.history.follows_slips {
             flow.guards.retain(|guard| *guard != Guard::SlipEnds);
         }
-        // Time steps go on with rigid contacts alone.
-        let patient = |turn: u32, patience: Option<usize>| match patience {
-            Some(times) if presses => STEPS * times < MAX_STEPS,
-            Some(_) => turn < TURNS,
-            None => false,
-        };
+        // With rigid contacts alone time steps go on where more patience did not help.
+        let most = if presses { MAX_STEPS / STEPS } else { GROWTH as usize };
+        let patient = |patience: Option<usize>| patience.is_some_and(|times| times <= most);
         let (mut next, mut turn) = (implicit.map(|span| GROWTH * span), 0);
         let LegEnd { time, y, fired, stalled, step, short } = loop {
             match leg(&mut flow, self.time, &self.y, until, accuracy, &mut self.history.statistics, &mut self.sampler) {
@@ -109,7 +101,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                     }
                     until = earlier;
                 }
-                Ok(LegEnd { time, y, stalled: Some(_), .. }) if patient(turn, accuracy.patience) => {
+                Ok(LegEnd { time, y, stalled: Some(_), .. }) if patient(accuracy.patience) => {
                     let moved = time > self.time;
                     (self.time, self.y) = (time, y);
                     if implicit.is_some() && moved {
@@ -120,7 +112,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                         Integrator::DormandPrince => Integrator::Radau,
                     };
                     turn += 1;
-                    accuracy.patience = patience.map(|_| (GROWTH as usize).pow(turn / 2));
+                    accuracy.patience = Some((GROWTH as usize).pow(turn / 2));
                     until = if presses { until } else { until.min(self.time + max_step / GROWTH) };
                     next = (accuracy.integrator == Integrator::Radau).then_some(max_step);
                 }
@@ -256,9 +248,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.history.events += 1;
     }
 }
-
-/// The explicit and the implicit integrator take turns at most so often in one leg with rigid contacts alone.
-const TURNS: u32 = 4;
 
 /// The unit of a touch's gap.
 fn unit(sim: &Simulation, touch: &Touch) -> &'static str {

@@ -86,29 +86,24 @@ impl FirstOrderSystem for System<'_> {
         rate.iter_mut().filter(|rate| rate.abs() < NONE).for_each(|rate| *rate = 0.0);
     }
 
-    /// By forward differences with the steps of the flow: where slip begins, the rate changes by its own size with a velocity
+    /// By forward differences with the steps of the flow, zero where a step is zero: where slip begins, the rate changes by its own size with a velocity
     /// far below that for which ivp's own differences are made.
     fn jac(&self, t: f64, y: &[f64], jacobian: &mut Matrix) {
         let mut steps = vec![0.0; y.len()];
         self.ask(|flow| flow.steps(t, y, &mut steps));
-        differences(|y, rate| self.derivative(t, y, rate), y, &steps, |at, slope| jacobian[at] = slope);
-    }
-}
-
-/// ∂f/∂y at y by forward differences with these steps, passed to `set` with row and column; zero where a step is zero.
-fn differences(f: impl Fn(&[f64], &mut [f64]), y: &[f64], steps: &[f64], mut set: impl FnMut((usize, usize), f64)) {
-    let (mut moved, mut here, mut there) = (y.to_vec(), vec![0.0; y.len()], vec![0.0; y.len()]);
-    f(y, &mut here);
-    for (column, step) in steps.iter().enumerate() {
-        moved[column] += step;
-        // The step as the numbers have it.
-        let whole = moved[column] - y[column];
-        if whole > 0.0 {
-            f(&moved, &mut there);
-        }
-        moved[column] = y[column];
-        for (row, (there, here)) in there.iter().zip(&here).enumerate() {
-            set((row, column), if whole > 0.0 { (there - here) / whole } else { 0.0 });
+        let (mut moved, mut here, mut there) = (y.to_vec(), vec![0.0; y.len()], vec![0.0; y.len()]);
+        self.derivative(t, y, &mut here);
+        for (column, step) in steps.iter().enumerate() {
+            moved[column] += step;
+            // The step as the numbers have it.
+            let whole = moved[column] - y[column];
+            if whole > 0.0 {
+                self.derivative(t, &moved, &mut there);
+            }
+            moved[column] = y[column];
+            for (row, (there, here)) in there.iter().zip(&here).enumerate() {
+                jacobian[(row, column)] = if whole > 0.0 { (there - here) / whole } else { 0.0 };
+            }
         }
     }
 }

@@ -1,5 +1,5 @@
 //! The guards of a contact mode: functions of the state whose zeros end the mode. All that is known of each kind is in this file: which
-//! modes have it ([`Guard::of_mode`]), what else it is ([`Guard::is`]), its value ([`Guard::at`]), and what follows its zero
+//! modes have it ([`Guard::of_mode`]), what else it is ([`Guard::is_gap`], …), its value ([`Guard::at`]), and what follows its zero
 //! ([`Run::guard_fired`]).
 
 use super::history::Class;
@@ -21,10 +21,8 @@ use nalgebra::Vector3;
 pub(crate) enum Guard {
     /// The gap of a touch closes.
     Gap(usize),
-    /// The gap of a pair of bodies closes, of which no part touches (index of the group).
+    /// The gap of a pair of bodies closes, or of those of its parts that do not last (index of the group).
     Pair(usize),
-    /// The gap of one of the other parts of a pair of bodies closes (index of the group).
-    Rest(usize),
     /// The contact point reaches the border of a face or the end of an edge.
     Leaves(usize),
     /// The normal force becomes negative.
@@ -39,10 +37,8 @@ pub(crate) enum Guard {
     Cone(usize),
     /// A compliant contact opens.
     Depth(usize),
-    /// A compliant contact changes from loading to unloading.
+    /// A compliant contact changes from loading to unloading, or one that was unloaded, and loaded again, becomes deeper than before.
     Turns(usize),
-    /// A compliant contact that was unloaded, and loaded again, becomes deeper than before.
-    Deepens(usize),
     /// The normal force of a compliant contact that is not open vanishes, or (`true`) it begins again: it has a kink there.
     Slackens(usize, bool),
     /// The slider of the bristle of a compliant contact begins to slip, or ceases to slip in this direction (a unit vector, world): friction
@@ -52,7 +48,7 @@ pub(crate) enum Guard {
     JointStops(usize),
     /// The load of a joint exceeds its dry friction (index into `dry`).
     JointBreaksLoose(usize),
-    /// No admissible forces of redundant constraints are left. It replaces the guards that are [forces](Is::Force) where the forces
+    /// No admissible forces of redundant constraints are left. It replaces the guards that are [forces](Self::is_force) where the forces
     /// by the convention are not admissible, but others are.
     Admissible,
     /// The loops come near a pose at which the mechanism could branch.
@@ -72,20 +68,6 @@ pub(crate) enum Ending {
     Kink,
     /// The mode cannot be continued.
     Stuck(StepReason),
-}
-
-/// What a guard is beside its value.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Is {
-    /// The gap of bodies that do not touch: its zero is an impact.
-    Gap,
-    /// The margin of a force within what it may be.
-    Force,
-    /// A velocity whose zero ends slip; `forces`: its rate depends on constraint forces.
-    Slip {
-        forces: bool,
-    },
-    Other,
 }
 
 /// The value of a guard.
@@ -136,18 +118,15 @@ impl Guard {
     /// # Errors
     /// A state at which a gap cannot be computed.
     pub fn of_mode<A: Space>(motion: &mut Motion<A>, (time, y): (f64, &[f64])) -> Result<Vec<Self>, SimError> {
-        let vanished = (0..motion.active.lasting.len()).map(|i| motion.has_vanished(i, (time, y)));
-        let vanished: Vec<_> = vanished.collect::<Result<_, _>>()?;
-        let sliders = (0..motion.active.lasting.len()).map(|i| motion.slider(i, (time, y)));
-        let sliders: Vec<_> = sliders.collect::<Result<_, _>>()?;
-        let watched = motion.gaps.to_watch(&motion.active.lasting, (y, motion.scale.pace));
-        let mut guards: Vec<Self> = watched.single.into_iter().map(Self::Gap).collect();
-        guards.extend(watched.groups.into_iter().map(Self::Pair));
-        guards.extend(watched.rests.into_iter().map(Self::Rest));
-        for (((i, own), vanished), slips) in motion.active.lasting.iter().enumerate().zip(vanished).zip(sliders) {
-            let touch = &motion.sim.touches[own.touch];
-            guards.extend(vanished.map(|vanished| Self::Slackens(i, vanished)));
-            guards.extend(slips.map(|slips| Self::Slider(i, slips)));
+        let sim = motion.sim;
+        let [single, groups] = motion.gaps.to_watch(&motion.active.lasting, (y, motion.scale.pace));
+        let mut guards: Vec<Self> = single.into_iter().map(Self::Gap).collect();
+        guards.extend(groups.into_iter().map(Self::Pair));
+        for i in 0..motion.active.lasting.len() {
+            guards.extend(motion.has_vanished(i, (time, y))?.map(|vanished| Self::Slackens(i, vanished)));
+            guards.extend(motion.slider(i, (time, y))?.map(|slips| Self::Slider(i, slips)));
+            let own = motion.active.lasting[i];
+            let touch = &sim.touches[own.touch];
             if touch.ends() {
                 guards.push(Self::Leaves(i));
             }
@@ -163,10 +142,10 @@ impl Guard {
                     guards.extend([Self::NormalForce(i), Self::SlipStops(i), Self::SlipGrows(i)]);
                 }
                 Hold::Sticks => guards.extend([Self::NormalForce(i), Self::Cone(i)]),
-                Hold::Presses { deepest, .. } => {
+                Hold::Presses { .. } => {
                     guards.push(Self::Depth(i));
                     if touch.contact.compliance.is_some_and(|it| it.turns()) {
-                        guards.push(if deepest.is_finite() { Self::Deepens(i) } else { Self::Turns(i) });
+                        guards.push(Self::Turns(i));
                     }
                 }
             }
@@ -181,25 +160,24 @@ impl Guard {
         if !motion.couplings.is_empty() {
             guards.push(Self::Branches);
         }
-        let conditional = motion.sim.touches.iter().enumerate().filter(|(_, touch)| touch.closes_while.is_some());
+        let conditional = sim.touches.iter().enumerate().filter(|(_, touch)| touch.closes_while.is_some());
         guards.extend(conditional.map(|(k, touch)| Self::MayClose(k, touch.may_close(y, motion.scale.pace))));
         Ok(guards)
     }
 
-    /// What it is beside its value.
-    pub fn is(self) -> Is {
-        match self {
-            Self::Gap(_) | Self::Pair(_) | Self::Rest(_) => Is::Gap,
-            Self::NormalForce(_) | Self::Cone(_) | Self::JointBreaksLoose(_) => Is::Force,
-            Self::SlipStops(_) => Is::Slip { forces: false },
-            Self::JointStops(_) => Is::Slip { forces: true },
-            _ => Is::Other,
-        }
+    /// Whether it is the gap of bodies that do not touch: its zero is an impact.
+    pub fn is_gap(self) -> bool {
+        matches!(self, Self::Gap(_) | Self::Pair(_))
     }
 
-    /// Whether it depends on constraint forces, not only on positions and velocities.
+    /// Whether it is the margin of a force within what it may be.
+    pub fn is_force(self) -> bool {
+        matches!(self, Self::NormalForce(_) | Self::Cone(_) | Self::JointBreaksLoose(_))
+    }
+
+    /// Whether it depends on constraint forces, not only on positions and velocities; that of a joint by its rate.
     pub fn needs_forces(self) -> bool {
-        matches!(self.is(), Is::Force | Is::Slip { forces: true }) || matches!(self, Self::SlipEnds)
+        self.is_force() || matches!(self, Self::JointStops(_) | Self::SlipEnds)
     }
 
     /// Whether the forces of a mode are admissible as far as this guard sees it, at its start. On the border the convention for redundant
@@ -268,7 +246,7 @@ pub(crate) fn passing<A: Space>(
 ) -> Result<(), SimError> {
     let of_bodies = |guard: &Guard| match *guard {
         Guard::Gap(touch) => motion.sim.touches[touch].is_whole().then_some(touch),
-        Guard::Pair(group) | Guard::Rest(group) => Some(motion.gaps.first(group)),
+        Guard::Pair(group) => Some(motion.gaps.first(group)),
         _ => None,
     };
     if guards.iter().all(|guard| of_bodies(guard).is_none()) {
@@ -317,13 +295,13 @@ impl Guard {
     ) -> Result<GuardValue, SimError> {
         let look = |touch: usize| gaps.look(touch, view, (q, qd), time);
         Ok(match (self, now.held) {
-            (Self::Rest(group), _) => {
-                GuardValue::gap(gaps.rest(group, &now.active.lasting, view, qd, time)?, now.scale.rounding())
-            }
             (Self::Gap(touch), _) => {
                 GuardValue::gap(gaps.own(touch, view, (q, qd), time, last)?, now.scale.hysteresis(touch))
             }
-            (Self::Pair(group), _) => GuardValue::gap(gaps.of_group(group, view, (q, qd), time)?, now.scale.rounding()),
+            (Self::Pair(group), _) => {
+                let gap = gaps.of_group(group, &now.active.lasting, view, (q, qd), time)?;
+                GuardValue::gap(gap, now.scale.rounding())
+            }
             (Self::Leaves(i), _) => {
                 let at = sim.touches[now.active.lasting[i].touch].at(view, q, time);
                 GuardValue::velocity(at.margin, Met::OUTSIDE)
@@ -333,17 +311,15 @@ impl Guard {
                 GuardValue::gap((-gap, -rate), now.scale.rounding())
             }
             (Self::Turns(i), _) => {
-                // Where several contacts turn at one time, the others have a rate of rounding at the start of the next leg: they fire by
-                // the band.
-                let (_, rate) = look(now.active.lasting[i].touch)?;
-                GuardValue::velocity(-rate, now.noise)
-            }
-            (Self::Deepens(i), _) => {
                 let (gap, rate) = look(now.active.lasting[i].touch)?;
-                let Hold::Presses { deepest, .. } = now.active.lasting[i].hold else {
-                    return Ok(GuardValue::default());
-                };
-                GuardValue::gap((deepest + gap, rate), now.scale.rounding())
+                match now.active.lasting[i].hold {
+                    Hold::Presses { deepest, .. } if deepest.is_finite() => {
+                        GuardValue::gap((deepest + gap, rate), now.scale.rounding())
+                    }
+                    // Where several contacts turn at one time, the others have a rate of rounding at the start of the next leg: they fire by
+                    // the band.
+                    _ => GuardValue::velocity(-rate, now.noise),
+                }
             }
             (Self::Slackens(i, vanished), _) => {
                 let own = now.active.lasting[i];
@@ -411,10 +387,10 @@ impl Guard {
 impl<A: Space> Run<'_, '_, A> {
     /// The i-th contact changes from loading to unloading, or back. The time of the change is as exact as the dense output, so that the greatest depth
     /// follows from the depth then, its rate and its acceleration: derivatives of the run depend on it in first order.
-    pub fn turn(&mut self, i: usize, unloads: bool) -> Result<(), SimError> {
-        let touch = self.motion.active.lasting[i].touch;
+    pub fn turn(&mut self, i: usize) -> Result<(), SimError> {
+        let Lasting { touch, hold } = self.motion.active.lasting[i];
         let mut depth = f64::NEG_INFINITY;
-        if unloads {
+        if matches!(hold, Hold::Presses { deepest: f64::NEG_INFINITY, .. }) {
             let (gap, rate) = self.gap(touch)?;
             let opens = self.motion.gap_acceleration(touch, self.time, &self.y)?;
             depth = -gap + if opens > 0.0 { 0.5 * rate * rate / opens } else { 0.0 };
@@ -427,14 +403,14 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// What follows the zero of a guard.
     pub fn guard_fired(&mut self, guard: Guard) -> Result<(), SimError> {
-        if self.history.is_crowded(self.time, guard.is() == Is::Gap, self.motion.sim) {
+        if self.history.is_crowded(self.time, guard.is_gap(), self.motion.sim) {
             return self.step_on(StepReason::Crowd);
         }
         let before = self.y.clone();
         match guard {
             Guard::Gap(touch) => return self.touch(touch),
             Guard::Branches => return self.pass_branch(),
-            Guard::Pair(group) | Guard::Rest(group) => {
+            Guard::Pair(group) => {
                 let gaps = self.gaps()?;
                 let own = |k: usize| self.motion.gaps.is_of(group, k) && !self.motion.lasts(k);
                 let least = gaps.iter().filter(|(k, _)| own(*k)).min_by(|a, b| a.1.0.total_cmp(&b.1.0));
@@ -449,15 +425,14 @@ impl<A: Space> Run<'_, '_, A> {
                 let own = self.motion.active.lasting.remove(i);
                 self.note(EventKind::LiftOff { touch: own.touch }, &before);
             }
-            Guard::Turns(i) => return self.turn(i, true),
-            Guard::Deepens(i) => return self.turn(i, false),
+            Guard::Turns(i) => return self.turn(i),
             Guard::MayClose(touch, ceases) => return if ceases { Ok(()) } else { self.refuse_overlap(touch) },
             Guard::Slackens(..) | Guard::Slider(..) => return Ok(()),
             Guard::SlipGrows(i) => return self.motion.started(i, self.time, &before),
             Guard::SlipStops(i) => {
                 self.motion.follow_slip(self.time, &before)?;
                 let touch = self.motion.active.lasting[i].touch;
-                if let Some(toward) = self.motion.candidate(touch, self.time, &before)?.slip {
+                if let Some(toward) = self.motion.slip(touch, self.time, &before)? {
                     self.motion.active.lasting[i].hold = Hold::Slides { toward }; // its direction has turned by 90°
                     return Ok(());
                 }

@@ -1,7 +1,7 @@
 //! The rate of the state of a motion, and the guards whose zeros end its contact mode.
 
 use super::flow::Flow;
-use super::guard::{Guard, GuardValue, Is, look, passing};
+use super::guard::{Guard, GuardValue, look, passing};
 use super::sampler::Told;
 use crate::error::SimError;
 use crate::motion::{ConstraintForces, LEVER, Lasting, Motion};
@@ -46,7 +46,7 @@ impl<'m, 'a, A: Space> Guarded<'m, 'a, A> {
             let held = motion.in_mode(time, y)?;
             let alone = motion.assembled.constraints.rows.len() == 1;
             if !guards.iter().all(|guard| guard.admits(motion, &held, alone)) {
-                guards.retain(|guard| guard.is() != Is::Force);
+                guards.retain(|guard| !guard.is_force());
                 guards.push(Guard::Admissible);
             }
             known = Some(Known { time, y: y.to_vec(), held, on_joints: true });

@@ -19,7 +19,7 @@ use super::trajectory::{EventKind, StepReason};
 use crate::contact::{SeveralLaw, friction_bound};
 use crate::error::SimError;
 use crate::impact::ChainImpact;
-use crate::motion::{Candidate, Hold, Lasting, Motion, Near, Scale, direction_of_slip, push};
+use crate::motion::{Hold, Lasting, Motion, Near, Scale, direction_of_slip, push};
 use crate::state::{CLEAR, ContactImpulse, EQUAL, EXACT, ROUNDING, Space};
 use carom_chain::algebra::z_onto;
 use carom_contact::Met;
@@ -260,8 +260,7 @@ impl<A: Space> Run<'_, '_, A> {
                     self.history.statistics.neglected_bound = self.history.statistics.neglected_bound.max(bound);
                 }
                 let hit = ChainImpact::of_outcome(problem.resolve(law)?, &axes, &response, &qd);
-                let qd_plus = hit.qd_plus.clone();
-                self.book_single((touch, place.position), hit, &qd_plus, Vec::new())?;
+                self.book_single((touch, place.position), hit, Vec::new())?;
             }
             (None, joint) => {
                 let (table, response, _) = self.closed_rows(&[touch])?;
@@ -307,10 +306,9 @@ impl<A: Space> Run<'_, '_, A> {
         let axes = z_onto(beside.normal);
         let problem = ImpactProblem::new(beside.delassus, axes.transpose() * u);
         let Ok(outcome) = problem.and_then(|problem| problem.resolve(&*one.contact.law)) else { return Ok(false) };
-        let Some((jump, impulses)) = self.motion.carried(&beside, &outcome.impulse) else { return Ok(false) };
+        let Some(impulses) = self.motion.carried(&beside, &outcome.impulse) else { return Ok(false) };
         let hit = ChainImpact::of_outcome(outcome, &axes, &beside.response, &qd);
-        let qd_plus: Vec<f64> = qd.iter().zip(jump.iter()).map(|(v, jump)| v + jump).collect();
-        self.book_single((touch, beside.position), hit, &qd_plus, impulses)?;
+        self.book_single((touch, beside.position), hit, impulses)?;
         let lasted = self.motion.active.lasting.iter().filter(|own| own.is_rigid());
         let mut struck: Vec<Struck> = lasted.map(|own| Struck { touch: own.touch, approach: 0.0 }).collect();
         struck.push(Struck { touch, approach });
@@ -324,15 +322,14 @@ impl<A: Space> Run<'_, '_, A> {
         &mut self,
         (touch, point): (usize, Vector3<f64>),
         mut hit: Box<ChainImpact>,
-        qd_plus: &[f64],
         others: Vec<ContactImpulse>,
     ) -> Result<(), SimError> {
         let (before, nq) = (self.y.clone(), self.motion.sim.chain.nq());
         let (q, qd) = self.q_qd();
         let mut view = self.motion.view(&q)?;
         hit.energy_before = view.kin.kinetic_energy(&qd)?;
-        hit.energy_after = view.kin.kinetic_energy(qd_plus)?;
-        self.y[nq..nq + qd.len()].copy_from_slice(qd_plus);
+        hit.energy_after = view.kin.kinetic_energy(&hit.qd_plus)?;
+        self.y[nq..nq + qd.len()].copy_from_slice(&hit.qd_plus);
         let own = ContactImpulse { touch, point, impulse: hit.impulse };
         let impulses = std::iter::once(own).chain(others).collect();
         self.book(EventKind::Impact { touch, hit }, &[touch], impulses, &before)
@@ -347,7 +344,7 @@ impl<A: Space> Run<'_, '_, A> {
         impulses: Vec<ContactImpulse>,
         before: &[f64],
     ) -> Result<(), SimError> {
-        let motors = self.motor_forces(before)?;
+        let motors = self.motor_forces(self.time, before)?;
         hits.iter().for_each(|&touch| self.motion.active.count_impact(touch, self.motion.sim));
         let loads = self.loads(before, &impulses, motors)?;
         self.note_impact(kind, before, impulses, loads);
@@ -477,7 +474,7 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// Sets the normal velocities of these touches to zero: the end of their impacts.
     fn close(&mut self, touches: &[usize]) -> Result<(), SimError> {
-        let candidates: Result<Vec<Candidate>, SimError> =
+        let candidates: Result<Vec<Lasting>, SimError> =
             touches.iter().map(|&touch| self.motion.candidate(touch, self.time, &self.y)).collect();
         self.motion.shut(&candidates?, self.time, &mut self.y)
     }
@@ -544,8 +541,7 @@ impl<A: Space> Run<'_, '_, A> {
         }
         let Some(outcome) = found else { return Ok(false) };
         let hit = ChainImpact::of_outcome(outcome, &axes, &response, &qd);
-        let qd_plus = hit.qd_plus.clone();
-        self.book_single((touch, place.position), hit, &qd_plus, Vec::new())?;
+        self.book_single((touch, place.position), hit, Vec::new())?;
         self.after(&[Struck { touch, approach: 0.0 }], rest, &before)?;
         Ok(true)
     }

@@ -106,12 +106,6 @@ impl LinearEvent {
     fn kinds(&self) -> Vec<&'static str> {
         self.happened.iter().map(|event| event.kind.name()).collect()
     }
-
-    /// S after the event, and τ′, by the columns of S before it and of the changes of the parameters.
-    pub fn forward(&self, s: &DMatrix<f64>, changes: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
-        let time_by = s.tr_mul(&self.time_by) + changes.tr_mul(&self.time_push);
-        (&self.map * s + &self.push * changes, time_by.as_slice().to_vec())
-    }
 }
 
 /// The time of an event, and its derivatives. Serde leaves out derivatives whose digits do not count.
@@ -163,8 +157,12 @@ impl AllColumns {
     /// Of the derivatives by a start of `moving` numbers and by parameters.
     pub fn new(moving: usize, parameters: usize) -> Self {
         let columns = moving + parameters;
-        let changes = DMatrix::from_fn(parameters, columns, |i, j| if i + moving == j { 1.0 } else { 0.0 });
-        Self { gauss: Gauss::new(), changes, s: DMatrix::zeros(0, columns), events: Vec::new() }
+        Self::of(DMatrix::from_fn(parameters, columns, |i, j| if i + moving == j { 1.0 } else { 0.0 }))
+    }
+
+    /// Of these changes of the parameters.
+    fn of(changes: DMatrix<f64>) -> Self {
+        Self { gauss: Gauss::new(), s: DMatrix::zeros(0, changes.ncols()), changes, events: Vec::new() }
     }
 
     /// S after another map.
@@ -176,8 +174,9 @@ impl AllColumns {
             }
             Piece::Step(step) => self.s = step.forward(&self.gauss, &self.s, &self.changes)?,
             Piece::Event(event) => {
-                let (after, mut time_by) = event.forward(&self.s, &self.changes);
-                self.s = after;
+                let time_by = self.s.tr_mul(&event.time_by) + self.changes.tr_mul(&event.time_push);
+                let mut time_by = time_by.as_slice().to_vec();
+                self.s = &event.map * &self.s + &event.push * &self.changes;
                 if !event.counts {
                     time_by.fill(f64::NAN);
                 }
@@ -377,22 +376,15 @@ impl LinearRun {
         self.check("number of changes of the start and the parameters", change.len(), self.names.len())?;
         let moving = self.names.len() - self.parameters;
         let change = DMatrix::from_column_slice(change.len(), 1, change);
-        let parameters = change.rows(moving, self.parameters).into_owned();
-        let (mut s, mut times) = (DMatrix::zeros(0, 1), Vec::new());
+        let mut all = AllColumns::of(change.rows(moving, self.parameters).into_owned());
         for piece in &self.pieces {
             match piece {
-                Piece::Start(start) => s = start * change.rows(0, moving),
-                Piece::Step(step) => s = step.forward(&self.gauss, &s, &parameters).ok_or_else(Self::singular)?,
-                Piece::Event(event) => {
-                    let (after, time_by) = event.forward(&s, &parameters);
-                    s = after;
-                    if !event.happened.is_empty() {
-                        times.push(if event.counts { time_by[0] } else { f64::NAN });
-                    }
-                }
+                Piece::Start(start) => all.s = start * change.rows(0, moving),
+                piece => all.pass(piece).ok_or_else(Self::singular)?,
             }
         }
-        Ok(((&self.tangent * s).as_slice().to_vec(), times))
+        let times = all.events.iter().map(|event| event.time_by[0]).collect();
+        Ok(((&self.tangent * all.s).as_slice().to_vec(), times))
     }
 
     /// The derivatives of a number by the start and the parameters (one for each of [`names`](Self::names)), from its derivatives by the final

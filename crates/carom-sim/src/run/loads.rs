@@ -55,10 +55,13 @@ impl Simulation {
             if let Some(place) =
                 at.surface.filter(|_| touch.contact.latch || touch.contact.law.coefficients.friction > 0.0)
             {
-                let jacobian = place.jacobian(&view);
                 let n = place.normal;
                 let along = n.cross(&Vector3::ith(n.iamin(), 1.0)).normalize();
-                rows.extend([along, n.cross(&along)].map(|t| jacobian.tr_mul(&t)));
+                for tangent in [along, n.cross(&along)] {
+                    let mut row = vec![0.0; nv];
+                    place.row_into(&view, tangent, &mut row)?;
+                    rows.push(DVector::from_vec(row));
+                }
             }
         }
         if rows.is_empty() {
@@ -87,13 +90,12 @@ impl Simulation {
 impl<A: Space> Run<'_, '_, A> {
     /// These contacts, with the forces of the motors at a state if loads are asked for.
     pub fn told(&mut self, contacts: Vec<ContactState>, y: &[f64]) -> Result<Told, SimError> {
-        Ok(Told { contacts, motors: self.motor_forces(y)?.unwrap_or_default() })
+        Ok(Told { contacts, motors: self.motor_forces(self.time, y)? })
     }
 
-    /// The forces of the motors at a state; `None` if loads are not asked for.
-    pub fn motor_forces(&mut self, y: &[f64]) -> Result<Option<Vec<f64>>, SimError> {
-        let asked = self.sampler.sampling.loads;
-        asked.then(|| self.motion.motor_forces(self.time, y)).transpose()
+    /// The forces of the motors at a state; none if loads are not asked for.
+    pub fn motor_forces(&mut self, time: f64, y: &[f64]) -> Result<Vec<f64>, SimError> {
+        if self.sampler.sampling.loads { self.motion.motor_forces(time, y) } else { Ok(Vec::new()) }
     }
 
     /// The loads of an impact that has led from `before` to the present state; `motors_minus`: [`Self::motor_forces`] just before.
@@ -101,11 +103,13 @@ impl<A: Space> Run<'_, '_, A> {
         &mut self,
         before: &[f64],
         impulses: &[ContactImpulse],
-        motors_minus: Option<Vec<f64>>,
+        motors_minus: Vec<f64>,
     ) -> Result<Option<Box<EventLoads>>, SimError> {
-        let Some(motors_minus) = motors_minus else { return Ok(None) };
+        if !self.sampler.sampling.loads {
+            return Ok(None);
+        }
         let y = self.y.clone();
-        let motors_plus = self.motor_forces(&y)?.unwrap_or_default();
+        let motors_plus = self.motor_forces(self.time, &y)?;
         let sim = self.motion.sim;
         let ((q, after), (_, before)) = (sim.split(&y), sim.split(before));
         let change: Vec<f64> = after.iter().zip(before).map(|(after, before)| after - before).collect();

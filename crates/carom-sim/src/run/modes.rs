@@ -4,7 +4,7 @@
 use super::run_state::Run;
 use super::trajectory::{EventKind, StepReason};
 use crate::error::SimError;
-use crate::motion::{Candidate, Dry, DryJoint, Hold, Lasting};
+use crate::motion::{Dry, DryJoint, Hold, Lasting};
 use crate::state::{EQUAL, Space};
 use nalgebra::Vector3;
 
@@ -57,8 +57,7 @@ impl<A: Space> Run<'_, '_, A> {
     /// their motion needs time steps.
     pub fn choose(&mut self, touches: &[usize]) -> Result<Option<StepReason>, SimError> {
         let active = self.motion.active.lasting.iter().filter(|own| !own.is_rigid());
-        let mut candidates: Vec<Candidate> =
-            active.map(|own| Candidate { touch: own.touch, slip: None, kept: Some(*own) }).collect();
+        let mut candidates: Vec<Lasting> = active.copied().collect();
         for &touch in touches {
             // Parts that no longer face each other have opened; what no joint moves has no force.
             if self.gap(touch)?.0.is_finite() && self.motion.moves(touch, self.time, &self.y)? {
@@ -80,8 +79,7 @@ impl<A: Space> Run<'_, '_, A> {
             self.note(EventKind::LiftOff { touch: own.touch }, before);
         }
         for now in &new {
-            let same = |own: &Lasting| std::mem::discriminant(&own.mode()) == std::mem::discriminant(&now.mode());
-            if !old.iter().any(|own| own.touch == now.touch && same(own)) {
+            if !old.iter().any(|own| own.is_alike(now)) {
                 self.note(EventKind::Mode { mode: now.mode() }, before);
             }
         }
@@ -93,8 +91,8 @@ impl<A: Space> Run<'_, '_, A> {
         let rested = std::mem::replace(&mut self.history.resting, false);
         let rest = self.motion.rest();
         let still = self.motion.scale.fastest(self.motion.split(&self.y).1) <= rest;
-        let held = self.motion.active.lasting.iter().any(Lasting::is_rigid)
-            && self.motion.active.lasting.iter().all(Lasting::is_rigid);
+        let lasting = &self.motion.active.lasting;
+        let held = !lasting.is_empty() && lasting.iter().all(Lasting::is_rigid);
         if !still || !held || !self.is_steady() || self.time >= self.end {
             return Ok(());
         }
@@ -142,7 +140,7 @@ impl<A: Space> Run<'_, '_, A> {
     }
 
     /// Ends the slips of contacts and joints that would end soon and then rest; the energy that they lose is booked.
-    pub fn end_slips(&mut self, candidates: &[Candidate]) -> Result<(), SimError> {
+    pub fn end_slips(&mut self, candidates: &[Lasting]) -> Result<(), SimError> {
         if self.history.follows_slips {
             return Ok(());
         }
@@ -154,8 +152,12 @@ impl<A: Space> Run<'_, '_, A> {
         let energy = self.motion.energy(&y)?;
         while !ending.is_empty() {
             let ends = |touch| ending.touches.contains(&touch);
-            let rest = |own: &Candidate| Candidate { slip: if ends(own.touch) { None } else { own.slip }, ..*own };
-            let candidates: Vec<Candidate> = candidates.iter().map(rest).collect();
+            let sim = self.motion.sim;
+            let rest = |own: &Lasting| match own.hold {
+                Hold::Slides { .. } if ends(own.touch) => Lasting::of(own.touch, &sim.touches[own.touch], None),
+                _ => *own,
+            };
+            let candidates: Vec<Lasting> = candidates.iter().map(rest).collect();
             ending.joints.iter().for_each(|&k| self.motion.active.dry[k].state = Dry::Holds);
             self.motion.shut(&candidates, self.time, &mut self.y)?;
             let found = self.motion.select(&candidates, self.time, &mut self.y)?;

@@ -31,7 +31,7 @@
 use super::follow::{Broken, differentiate};
 use super::linear_run::{AllColumns, Maps, Piece, Tangents};
 use super::trajectory::Step;
-use super::variation::{Gauss, LinearStep, left_inverse};
+use super::variation::{Gauss, LinearStep, left_inverse, tangent};
 use crate::error::{SimError, require};
 use crate::model::{Drive, Feedback, FeedbackRow, Motor, Parameter, TorqueTable, motors};
 use crate::plan::Plan;
@@ -144,22 +144,9 @@ impl Parts<'_> {
         Stretch { equations: linear.equations(self.motors), h, times, states, projections, impacts }
     }
 
-    /// T of a state, for x of this length.
+    /// T of a state, for x of this length: of q and q̇ alone.
     fn tangent(&self, q: &[f64], n: usize) -> DMatrix<f64> {
-        let (nq, nv) = (self.chain.nq(), self.chain.nv());
-        let mut tangent = DMatrix::zeros(n, 2 * nv);
-        let mut unit = vec![0.0; nv];
-        for j in 0..nv {
-            unit[j] = 1.0;
-            if nq == nv {
-                tangent[(j, j)] = 1.0;
-            } else {
-                self.chain.q_rate_into(q, &unit, &mut tangent.column_mut(j).as_mut_slice()[..nq]);
-            }
-            tangent[(nq + j, nv + j)] = 1.0;
-            unit[j] = 0.0;
-        }
-        tangent
+        tangent(self.chain, q, n).columns(0, 2 * self.chain.nv()).into_owned()
     }
 
     /// Q at a state, for x of this length.

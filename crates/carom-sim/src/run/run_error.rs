@@ -23,6 +23,7 @@
 //! run, again with r times the tolerance, and the larger of both differences counts.
 
 use super::follow::Broken;
+use super::stream::go;
 use super::trajectory::{Event, EventKind, Sampling, Seen, Statistics, Summary};
 use crate::error::{SimError, require};
 use crate::plan::Plan;
@@ -185,11 +186,8 @@ impl Plan {
             _ => {}
         };
         let sampling = Sampling { every, ..Sampling::default() };
-        let summary = if later {
-            self.stream_with_later_ends(duration, sampling, &mut watch)?
-        } else {
-            self.stream(duration, sampling, &mut watch)?
-        };
+        let start = (self.q.as_slice(), self.qd.as_slice());
+        let summary = go(&self.simulation, self.in_plane(), start, (duration, later), sampling, &mut watch)?;
         Ok(Outline { events, moments, summary })
     }
 

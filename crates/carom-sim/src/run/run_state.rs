@@ -5,7 +5,7 @@ use super::sampler::Sampler;
 use super::trajectory::{EnergyBooks, Sampling, Seen, StopReason, Summary};
 use crate::error::SimError;
 use crate::model::Simulation;
-use crate::motion::{ActiveSet, ContactState, Lasting, Motion, bristles};
+use crate::motion::{ActiveSet, ContactState, Lasting, Motion};
 use crate::state::{Moment, STEPS, Space};
 
 /// A run. Its state is that of a [`Checkpoint`]: the time, the numbers of the state, the active set of the
@@ -39,7 +39,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         watch: &'w mut dyn FnMut(Seen),
     ) -> Result<Self, SimError> {
         let mut motion = Motion::new(sim, model);
-        let deflections = vec![0.0; 3 * bristles(sim).len()];
+        let deflections = vec![0.0; 3 * motion.bristles.len()];
         let mut y = [q, qd, &[0.0, 0.0], &deflections].concat();
         motion.close_loops(&mut y)?;
         let mut run = Self::of(motion, (sim.start_time, y), History::default(), sampling, watch);
@@ -90,7 +90,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             } else if self.motion.active.stepping {
                 self.several_contacts()?;
             } else {
-                self.one_leg()?;
+                let ending = self.leg()?;
+                self.act(ending)?;
             }
         }
         Ok(StopReason::Duration)
@@ -121,8 +122,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// Stays at rest to the end.
     pub fn stay(&mut self) -> Result<(), SimError> {
+        let contacts = self.contacts()?;
         let (start, y) = (std::mem::replace(&mut self.time, self.end), self.y.clone());
-        let contacts = self.motion.contact_states(start, &y)?;
         let told = self.told(contacts, &y)?;
         self.sampler.stretch((start, self.end, 2), |_| y.clone(), |_, _| told.clone());
         Ok(())

@@ -129,7 +129,7 @@ impl<A: Space> Run<'_, '_, A> {
             let at = one.at(&view, &q, time);
             approach.push(one.rate(&at, &view, &qd, time)?);
             if one.moves(&at, &mut view)? {
-                table.add((&Lasting::of(touch, one, None), one), (&at, &view), time, Level::Velocities)?;
+                table.add((&Lasting::of(touch, one, None), one), (&at, Some(&view)), time, Level::Velocities)?;
             }
         }
         view.respond(&table.rows, &mut responses)?;

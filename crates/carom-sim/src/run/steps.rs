@@ -64,8 +64,6 @@ struct TimeStep {
     /// The state at its end.
     after: Vec<f64>,
     told: Told,
-    /// Whether all contacts were open.
-    open: bool,
     /// Whether all velocities are zero.
     still: bool,
 }
@@ -95,8 +93,6 @@ impl<A: Space> Run<'_, '_, A> {
     /// ends.
     pub fn several_contacts(&mut self) -> Result<(), SimError> {
         let sim = self.motion.sim;
-        // Half a step less, because times are rounded.
-        let lasts = |steps: f64| (steps - 0.5) * sim.contact_step;
         let (mut still, mut since) = (0.0, 0.0);
         let mut length = sim.contact_step.min(self.history.wait);
         while self.time < self.end {
@@ -133,15 +129,14 @@ impl<A: Space> Run<'_, '_, A> {
                 self.history.wait = (2.0 * self.history.wait).min(WAIT * sim.contact_step);
             }
             still = if is_still { still + step } else { 0.0 };
-            if still >= lasts(WAIT) && self.is_steady() {
+            // Half a step less, because times are rounded.
+            if still >= (WAIT - 0.5) * sim.contact_step && self.is_steady() {
                 self.put_back(0.0, &inactive)?;
                 let y = self.y.clone();
                 if !std::mem::replace(&mut self.history.resting, true) {
                     self.note(EventKind::Rest, &y);
                 }
-                let start = std::mem::replace(&mut self.time, self.end);
-                let told = self.told(self.history.stepped.clone(), &y)?;
-                self.sampler.stretch((start, self.end, 2), |_| y.clone(), |_, _| told.clone());
+                self.stay()?;
             }
         }
         Ok(())
@@ -168,8 +163,7 @@ impl<A: Space> Run<'_, '_, A> {
         };
         *wait = wait.min(WAIT * sim.contact_step);
         let before = self.y.clone();
-        self.motion.active.stepping = true;
-        self.motion.active.lasting.retain(|own| !own.is_rigid());
+        self.motion.active.let_go();
         self.note(EventKind::Steps { reason }, &before);
         Ok(())
     }
@@ -181,14 +175,15 @@ impl<A: Space> Run<'_, '_, A> {
         let nq = sim.chain.nq();
         let accepted = SHARE * sim.tolerance.sqrt();
         let shortest = self.shortest();
-        let (time, y, lost, statistics) = (self.time, self.y.clone(), self.history.lost, self.history.statistics);
-        let active = self.motion.active.clone();
+        let begin = (self.time, self.y.clone(), self.history.lost, self.history.statistics, self.motion.active.clone());
+        let rewind = |run: &mut Self| {
+            (run.time, run.y, run.history.lost, run.history.statistics, run.motion.active) = begin.clone();
+        };
         loop {
             let step = length.min(longest);
             self.time_step(step, inactive)?;
-            let whole = std::mem::replace(&mut self.y, y.clone());
-            (self.time, self.history.lost, self.history.statistics) = (time, lost, statistics);
-            self.motion.active.clone_from(&active);
+            let whole = self.y.clone();
+            rewind(self);
             let first = self.time_step(step / 2.0, inactive)?;
             let second = self.time_step(step / 2.0, inactive)?;
             let error = whole[..nq].iter().zip(&self.y).map(|(one, two)| (one - two).abs()).fold(0.0, f64::max);
@@ -201,13 +196,11 @@ impl<A: Space> Run<'_, '_, A> {
             }
             if ends {
                 self.history.statistics.step_error += error;
-                let (open, still) = (first.open && second.open, first.still && second.still);
+                let still = first.still && second.still;
                 self.tell(first);
-                return Ok(TimeStep { open, still, ..second });
+                return Ok(TimeStep { still, ..second });
             }
-            self.y.copy_from_slice(&y);
-            (self.time, self.history.lost, self.history.statistics) = (time, lost, statistics);
-            self.motion.active.clone_from(&active);
+            rewind(self);
         }
     }
 
@@ -242,7 +235,7 @@ impl<A: Space> Run<'_, '_, A> {
         let clear = points && gaps.iter().all(fine);
         if !clear || hits.is_empty() && !self.has_mode(&closed)? {
             self.y = before;
-            self.motion.active.lasting.retain(|own| !own.is_rigid());
+            self.motion.active.let_go();
             return Ok(false);
         }
         self.motion.active.stepping = false;
@@ -250,8 +243,7 @@ impl<A: Space> Run<'_, '_, A> {
             match self.collide(&hits, &closed) {
                 // After the impact friction jams: the steps go on.
                 Err(SimError::Jam { .. }) => {
-                    self.motion.active.stepping = true;
-                    self.motion.active.lasting.retain(|own| !own.is_rigid());
+                    self.motion.active.let_go();
                     return Ok(false);
                 }
                 done => done?,
@@ -388,7 +380,12 @@ impl<A: Space> Run<'_, '_, A> {
             }
             for at in touch.points(&view, &middle, middle_time, scale.touching(k)) {
                 if touch.moves(&at, &mut view)? {
-                    table.add((&Lasting::of(k, touch, None), touch), (&at, &view), middle_time, Level::Velocities)?;
+                    table.add(
+                        (&Lasting::of(k, touch, None), touch),
+                        (&at, Some(&view)),
+                        middle_time,
+                        Level::Velocities,
+                    )?;
                 }
             }
         }
@@ -450,8 +447,7 @@ impl<A: Space> Run<'_, '_, A> {
         let mean = qd.iter().zip(&next).map(|(before, after)| 0.5 * (before + after));
         there[nq..nq + nv].iter_mut().zip(mean).for_each(|(v, mean)| *v = mean);
         let power = self.motion.loads(middle_time, &there)?.power;
-        let asked = self.sampler.sampling.loads;
-        let motors = if asked { self.motion.motor_forces(middle_time, &there)? } else { Vec::new() };
+        let motors = self.motor_forces(middle_time, &there)?;
         let moved = sim.chain.integrate(&middle, next.as_slice(), step / 2.0)?;
         self.y[..nq].copy_from_slice(&moved);
         self.y[nq..nq + nv].copy_from_slice(next.as_slice());
@@ -472,7 +468,7 @@ impl<A: Space> Run<'_, '_, A> {
         let scale = &self.motion.scale;
         let still = scale.fastest(next.iter()) < 0.1 * EQUAL * scale.length * scale.pace;
         let told = Told { contacts, motors };
-        Ok(TimeStep { start, end: self.time, before: (q, qd), middle, after: self.y.clone(), told, open, still })
+        Ok(TimeStep { start, end: self.time, before: (q, qd), middle, after: self.y.clone(), told, still })
     }
 
     /// The samples of a step: positions are linear in time in each half of it, with the velocity before and after it.
@@ -512,7 +508,7 @@ impl<A: Space> Run<'_, '_, A> {
                 continue;
             }
             for at in touch.points(&view, &q, time, 0.0) {
-                table.add((&Lasting::of(k, touch, None), touch), (&at, &view), time, Level::Positions)?;
+                table.add((&Lasting::of(k, touch, None), touch), (&at, Some(&view)), time, Level::Positions)?;
             }
         }
         let overlap = |k: usize| EXACT * scale.length * scale.per_touch[k];

@@ -63,20 +63,10 @@ impl Plan {
     ) -> Result<Summary, SimError> {
         go(&self.simulation, self.in_plane(), start, (duration, false), sampling, watch)
     }
-
-    /// Runs the plan from its start, with one impact more before each end of an accumulation.
-    pub(super) fn stream_with_later_ends(
-        &self,
-        duration: f64,
-        sampling: Sampling,
-        watch: &mut dyn FnMut(Seen),
-    ) -> Result<Summary, SimError> {
-        go(&self.simulation, self.in_plane(), (&self.q, &self.qd), (duration, true), sampling, watch)
-    }
 }
 
-/// Runs in the plane, if one is given, or in space; with later ends of accumulations if `later`.
-fn go(
+/// Runs in the plane, if one is given, or in space; with one impact more before each end of an accumulation if `later`.
+pub(super) fn go(
     simulation: &Simulation,
     flat: Option<&PlanarChain>,
     start: (&[f64], &[f64]),

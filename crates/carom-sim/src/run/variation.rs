@@ -19,6 +19,7 @@ use crate::error::SimError;
 use crate::model::Place;
 use crate::motion::{Hold, Kink, Lasting, Linear};
 use crate::state::{ROUNDING, STEPS, Space};
+use carom_chain::Chain;
 use nalgebra::{DMatrix, DVector, DVectorView, Dyn, LU, Matrix4, Vector3, Vector4};
 
 /// Gauss's collocation method with four stages.
@@ -98,25 +99,10 @@ impl<A: Space> Run<'_, '_, A> {
         Ok(f)
     }
 
-    /// The directions in which x can change: with floating joints a quaternion keeps its length. Columns; their number is that of
-    /// q̇ twice and of the rest.
+    /// The [`tangent`] of a state.
     pub fn tangent(&self, x: &[f64]) -> DMatrix<f64> {
         let chain = &self.motion.sim.chain;
-        let (nq, nv) = (chain.nq(), chain.nv());
-        let mut tangent = DMatrix::identity(x.len(), x.len() - nq + nv);
-        if nq != nv {
-            tangent.fill(0.0);
-            let mut unit = vec![0.0; nv];
-            for j in 0..nv {
-                unit[j] = 1.0;
-                chain.q_rate_into(&x[..nq], &unit, &mut tangent.column_mut(j).as_mut_slice()[..nq]);
-                unit[j] = 0.0;
-            }
-            for j in nv..tangent.ncols() {
-                tangent[(j - nv + nq, j)] = 1.0;
-            }
-        }
-        tangent
+        tangent(chain, &x[..chain.nq()], x.len())
     }
 
     /// Whether a contact slides with friction.
@@ -516,4 +502,24 @@ impl LinearStep {
         }
         None
     }
+}
+
+/// T of a configuration, for x of this length: the directions in which x can change, as with floating joints a quaternion keeps its length.
+/// Columns; their number is that of q̇ twice and of the rest.
+pub(super) fn tangent(chain: &Chain, q: &[f64], n: usize) -> DMatrix<f64> {
+    let (nq, nv) = (chain.nq(), chain.nv());
+    let mut tangent = DMatrix::identity(n, n - nq + nv);
+    if nq != nv {
+        tangent.fill(0.0);
+        let mut unit = vec![0.0; nv];
+        for j in 0..nv {
+            unit[j] = 1.0;
+            chain.q_rate_into(q, &unit, &mut tangent.column_mut(j).as_mut_slice()[..nq]);
+            unit[j] = 0.0;
+        }
+        for j in nv..tangent.ncols() {
+            tangent[(j - nv + nq, j)] = 1.0;
+        }
+    }
+    tangent
 }

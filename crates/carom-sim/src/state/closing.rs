@@ -113,11 +113,9 @@ impl<A: Space> View<'_, A> {
 
     /// −d(L q̇)/dt at q̈ = 0: what L q̈ must be.
     pub fn loop_acceleration(&mut self, qd: &[f64]) -> Result<Vec<f64>, SimError> {
-        let mut wanted = Vec::with_capacity(self.couplings.len());
-        for coupling in self.couplings {
-            let second = coupling.second.map_or(Ok(Vector3::zeros()), |second| self.drift(second, qd))?;
-            wanted.push(second - self.drift(coupling.first, qd)?);
-        }
+        let couplings = self.couplings;
+        let drifts = self.drifts(couplings.iter().map(|it| [Some(it.first), it.second]), qd)?;
+        let wanted: Vec<_> = drifts.iter().map(|[first, second]| second - first).collect();
         Ok(self.along(&wanted))
     }
 
