@@ -1,7 +1,7 @@
 //! The energy of time steps, each loss by its own formula, and what is left over as error.
 
-use carom_sim::Simulation;
-use carom_testing::build::{O, ball, brick, free, one_body, shape, stl};
+use carom_sim::{ContactMode, Event, EventKind, Simulation};
+use carom_testing::build::{O, Part, X, ball, brick, free, one_body, shape, stl, urdf};
 use carom_testing::scenes::{newton, on_floor, scene};
 
 /// A body that spins freely about none of its axes, by time steps: the energy error is of second order in the step, and nothing is booked.
@@ -124,4 +124,31 @@ fn a_balance_that_does_not_close_is_told() {
     assert!(exact.contains("lost without a cause") && exact.ends_with("use a smaller tolerance"), "{exact}");
     assert!(stepped.ends_with("use shorter time steps (contact_step)"), "{stepped}");
     assert!(gained.contains("have added"), "{gained}");
+}
+
+/// A box falls flat onto a mesh, which takes time steps, and rebounds from it. Beside it a wheel turns against dry friction alone, at the rate
+/// 5 − f t/J, in the steps and after them.
+#[test]
+fn what_turns_against_dry_friction_keeps_its_velocity_where_time_steps_end() {
+    let corner = |x: f64, y: f64| [x, y, 0.0];
+    let [a, b, c, d] = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+    let table = stl([[a, b, c], [a, c, d]]);
+    let wheel = Part::new("wheel", "base", "continuous", X, [3.0, 0.0, 1.0])
+        .weighing(1.0, [0.1; 3])
+        .joint("<dynamics friction='0.01'/>");
+    let files = [
+        ("block.urdf", &*one_body(1.5, [0.01; 3], &shape(&brick([0.2; 3]), O, O))),
+        ("wheel.urdf", &*urdf(&[wheel])),
+        ("table.stl", &*table),
+    ];
+    let text = "[[robot]]\nname = \"block\"\nurdf = \"block.urdf\"\nfloating = true\nposition = [0, 0, 0.2]\ntip = \"body\"\n\
+        [[robot]]\nname = \"wheel\"\nurdf = \"wheel.urdf\"\nqd = [5]\n\
+        [[surface]]\nname = \"table\"\nshape = { mesh = { file = \"table.stl\" } }\n\
+        [contact]\nrestitution = 0.5\n[run]\nduration = 0.3\ngravity = [0, 0, -9.81]\n";
+    let plan = scene(&files, text).unwrap().plan().unwrap();
+    let run = plan.simulation.run(&plan.q, &plan.qd, 0.3).unwrap();
+    let free = |event: &Event| matches!(event.kind, EventKind::Mode { mode: ContactMode::Free });
+    assert!(run.summary.statistics.contact_steps > 0 && run.events.iter().any(free), "the steps end");
+    let rate = run.summary.last.qd[plan.simulation.chain.nv() - 1];
+    assert!((rate - (5.0 - 0.01 * 0.3 / 0.1)).abs() < 1e-9, "{rate} rad/s");
 }

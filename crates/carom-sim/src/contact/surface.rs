@@ -149,9 +149,9 @@ impl Moving {
         self.shift(now)[2] + along
     }
 
-    /// The size of the velocity, m/s, rad/s.
-    pub fn speed(&self, now: f64) -> f64 {
-        let along = self.belt(now).map_or(0.0, |(_, [v, _, turn, _])| v.amax().max(turn.amax()));
+    /// The size of the velocity, m/s, at a distance of this `length` (m) from the axis of a belt that turns.
+    pub fn speed(&self, now: f64, length: f64) -> f64 {
+        let along = self.belt(now).map_or(0.0, |(_, [v, _, turn, _])| v.amax().max(length * turn.amax()));
         along.max(self.shift(now)[1].amax())
     }
 

@@ -53,7 +53,7 @@ impl Start {
 impl<A: Space> Motion<'_, A> {
     /// The scale of the next decisions: at the start of a leg and of an impact.
     pub fn measure(&mut self, time: f64, y: &[f64]) {
-        let surfaces = self.moving.iter().map(|motion| motion.speed(time)).fold(0.0, f64::max);
+        let surfaces = self.moving.iter().map(|motion| motion.speed(time, self.scale.length)).fold(0.0, f64::max);
         let (q, qd) = self.split(y);
         self.active.speed = self.scale.fastest(qd).max(surfaces);
         self.scale.measure(q);
@@ -108,7 +108,7 @@ mod tests {
     use carom_testing::build::{O, Part, X, Y, ball, shape, urdf};
     use carom_testing::files::Folder;
 
-    /// The thresholds of a pendulum of L = 0.45 m on a slide, which moves at 2 m/s and 3 rad/s, in units of length and time, with their powers of both.
+    /// The thresholds of a pendulum of L = 0.45 m on a slide, which moves at 2 m/s and 3 rad/s, beside a wall that turns at 1 rad/s, in units of length and time, with their powers of both.
     fn thresholds(length: f64, time: f64) -> Vec<(&'static str, f64, [i32; 2])> {
         let foot = shape(&ball(0.05 * length), [0.0, 0.0, -0.4 * length], O);
         let bob = Part::new("bob", "slide", "revolute", Y, O).limits(-1.0, 1.0, 9.0).with(foot);
@@ -118,11 +118,14 @@ mod tests {
         let scene = format!(
             "[robot]\nurdf = \"robot.urdf\"\nq = [{}, 0]\nqd = [{}, {}]\n[[surface]]\nname = \"wall\"\n\
              shape = {{ halfspace = {{ point = [{}, 0, 0], normal = [-1, 0, 0] }} }}\n\
+             belt = {{ velocity = [0, 0, 0], angular_velocity = [{}, 0, 0] }}\n\
+             [contact]\nfriction = 0.5\n\
              [run]\nduration = 1\ntolerance = 1e-7\ngravity = [0, 0, {}]\n",
             0.5 * length,
             2.0 * length / time,
             3.0 / time,
             2.0 * length,
+            1.0 / time,
             -0.45 * length / (time * time),
         );
         let plan = Scene::from_toml(&scene, &folder).unwrap().plan().unwrap();

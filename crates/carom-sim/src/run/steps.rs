@@ -208,7 +208,7 @@ impl<A: Space> Run<'_, '_, A> {
     /// closed have a consistent mode; `false` leaves the state as it was.
     fn resumes(&mut self, step: f64) -> Result<bool, SimError> {
         let sim = self.motion.sim;
-        let before = self.y.clone();
+        let (before, lost) = (self.y.clone(), self.history.lost);
         let inactive = self.inactive()?;
         self.put_back(0.0, &inactive)?;
         self.measure();
@@ -229,12 +229,14 @@ impl<A: Space> Run<'_, '_, A> {
         let points = hits.iter().chain(&closed).all(|&touch| sim.touches[touch].is_point());
         let hold = Hold::Slides { toward: Vector3::zeros() };
         let normals: Vec<Lasting> = closed.iter().map(|&touch| Lasting { touch, hold }).collect();
+        // Within a time step dry friction holds every joint.
+        self.motion.brake(&self.y);
         self.motion.project((&normals, &normals), self.time, &mut self.y)?;
         let (gaps, scale) = (self.gaps()?, &self.motion.scale);
         let fine = |&(k, (gap, _)): &Near| gap >= -scale.touching(k) || sim.touches[k].is_compliant();
         let clear = points && gaps.iter().all(fine);
         if !clear || hits.is_empty() && !self.has_mode(&closed)? {
-            self.y = before;
+            (self.y, self.history.lost) = (before, lost);
             self.motion.active.let_go();
             return Ok(false);
         }
