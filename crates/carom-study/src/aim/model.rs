@@ -97,28 +97,28 @@ impl Problem {
         let squares: Vec<usize> = (0..self.costs.len()).filter(|k| self.costs[*k].squared).collect();
         let (first_r, first_t) = (n, n + squares.len());
         let count = first_t + 2 * self.conditions.len();
-        let (mut p, mut q) = (Entries::new(count, count), vec![0.0; count]);
+        let (mut p, mut q) = (Vec::new(), vec![0.0; count]);
         let of = if self.has_cost() { self.cost_slope(here).amax().max(f64::MIN_POSITIVE) } else { weight };
         let shorter = SHORTER * of;
-        (0..n).for_each(|i| p.add(i, i, shorter));
+        p.extend((0..n).map(|i| (i, i, shorter)));
         if let Some(hessian) = hessian {
-            (0..n).for_each(|j| (0..=j).for_each(|i| p.add(i, j, hessian[(i, j)])));
+            p.extend((0..n).flat_map(|j| (0..=j).map(move |i| (i, j, hessian[(i, j)]))));
         }
         if let Some(torque) = self.given.torque.as_ref().filter(|_| self.effort > 0.0) {
             let first = self.given.unknowns.len();
             for (i, j, x) in torque.effort_twice(values.duration) {
-                p.add(first + i, first + j, self.effort * x * sizes[first + i] * sizes[first + j]);
+                p.push((first + i, first + j, self.effort * x * sizes[first + i] * sizes[first + j]));
             }
         }
         let linear = self.bent_slope(here) + &slopes.effort * self.effort;
         q[..n].copy_from_slice(linear.as_slice());
-        let (mut equal, mut below) = (Rows::new(count), Rows::new(count));
+        let (mut equal, mut below): (Vec<Row>, Vec<Row>) = Default::default();
         for (i, k) in squares.iter().enumerate() {
             let (w, r) = (self.costs[*k].weight, values.costs[*k]);
-            p.add(first_r + i, first_r + i, 2.0 * w);
+            p.push((first_r + i, first_r + i, 2.0 * w));
             q[first_r + i] = 2.0 * w * r;
             let row = (0..n).map(|j| (j, slopes.costs[(*k, j)])).chain([(first_r + i, -1.0)]);
-            equal.push(row, 0.0);
+            equal.push((row.collect(), 0.0));
         }
         // Of each condition: where it is an equation its row, else those of its bounds.
         let mut rows_of = Vec::new();
@@ -129,30 +129,32 @@ impl Problem {
             q[t..t + 2].fill(weight);
             if a == b {
                 rows_of.push((Some(equal.len()), [None; 2]));
-                equal.push(row(1.0).chain([(t, 1.0), (t + 1, -1.0)]), a);
+                equal.push((row(1.0).chain([(t, 1.0), (t + 1, -1.0)]).collect(), a));
             } else {
                 let mut own = [None; 2];
                 if b.is_finite() {
                     own[1] = Some(below.len());
-                    below.push(row(1.0).chain([(t + 1, -1.0)]), b);
+                    below.push((row(1.0).chain([(t + 1, -1.0)]).collect(), b));
                 }
                 if a.is_finite() {
                     own[0] = Some(below.len());
-                    below.push(row(-1.0).chain([(t, -1.0)]), -a);
+                    below.push((row(-1.0).chain([(t, -1.0)]).collect(), -a));
                 }
                 rows_of.push((None, own));
             }
-            below.push([(t, -1.0)], 0.0);
-            below.push([(t + 1, -1.0)], 0.0);
+            below.extend([t, t + 1].map(|t| (vec![(t, -1.0)], 0.0)));
         }
         for j in 0..n {
             let [from, to] = bounds[j].map(|bound| (bound - u[j]) / sizes[j]);
-            below.push([(j, 1.0)], to.min(radius));
-            below.push([(j, -1.0)], -from.max(-radius));
+            below.push((vec![(j, 1.0)], to.min(radius)));
+            below.push((vec![(j, -1.0)], -from.max(-radius)));
         }
         let cones = [ZeroConeT(equal.len()), NonnegativeConeT(below.len())];
         let first_below = equal.len();
-        let (matrix, right) = equal.with(below);
+        let rows = [equal, below].concat();
+        let entries = rows.iter().enumerate().flat_map(|(i, (row, _))| row.iter().map(move |(j, x)| (i, *j, *x)));
+        let matrix = sparse((rows.len(), count), entries);
+        let right: Vec<f64> = rows.iter().map(|(_, right)| *right).collect();
         let settings = DefaultSettingsBuilder::default()
             .verbose(false)
             .tol_gap_abs(1e-13)
@@ -160,7 +162,7 @@ impl Problem {
             .tol_feas(1e-13)
             .build()
             .unwrap_or_default();
-        let solver = DefaultSolver::new(&p.matrix(), &q, &matrix, &right, &cones, settings);
+        let solver = DefaultSolver::new(&sparse((count, count), p), &q, &matrix, &right, &cones, settings);
         let mut solver = solver.ok()?;
         solver.solve();
         let solution = &solver.solution;
@@ -223,61 +225,12 @@ impl Slopes {
     }
 }
 
-/// The entries of a sparse matrix.
-struct Entries {
-    size: (usize, usize),
-    all: Vec<(usize, usize, f64)>,
-}
+/// The entries of a row of a matrix, and its right side.
+type Row = (Vec<(usize, f64)>, f64);
 
-impl Entries {
-    fn new(rows: usize, columns: usize) -> Self {
-        Self { size: (rows, columns), all: Vec::new() }
-    }
-
-    fn add(&mut self, i: usize, j: usize, x: f64) {
-        if x != 0.0 {
-            self.all.push((i, j, x));
-        }
-    }
-
-    fn matrix(self) -> CscMatrix<f64> {
-        let (mut i, mut j, mut x) = (Vec::new(), Vec::new(), Vec::new());
-        for (row, column, entry) in self.all {
-            i.push(row);
-            j.push(column);
-            x.push(entry);
-        }
-        CscMatrix::new_from_triplets(self.size.0, self.size.1, i, j, x)
-    }
-}
-
-/// Rows of a matrix with right sides.
-struct Rows {
-    entries: Entries,
-    right: Vec<f64>,
-}
-
-impl Rows {
-    fn new(columns: usize) -> Self {
-        Self { entries: Entries::new(0, columns), right: Vec::new() }
-    }
-
-    fn len(&self) -> usize {
-        self.right.len()
-    }
-
-    fn push(&mut self, row: impl IntoIterator<Item = (usize, f64)>, right: f64) {
-        let i = self.len();
-        row.into_iter().for_each(|(j, x)| self.entries.add(i, j, x));
-        self.right.push(right);
-    }
-
-    /// Both, one below the other.
-    fn with(mut self, below: Self) -> (CscMatrix<f64>, Vec<f64>) {
-        let first = self.len();
-        below.entries.all.iter().for_each(|(i, j, x)| self.entries.add(first + i, *j, *x));
-        self.right.extend(&below.right);
-        self.entries.size.0 = self.right.len();
-        (self.entries.matrix(), self.right)
-    }
+/// The sparse matrix of these entries.
+fn sparse((rows, columns): (usize, usize), entries: impl IntoIterator<Item = (usize, usize, f64)>) -> CscMatrix<f64> {
+    let entries = entries.into_iter().filter(|(.., x)| *x != 0.0);
+    let (i, (j, x)): (Vec<_>, (Vec<_>, Vec<_>)) = entries.map(|(i, j, x)| (i, (j, x))).unzip();
+    CscMatrix::new_from_triplets(rows, columns, i, j, x)
 }
