@@ -90,8 +90,8 @@ impl Problem {
         for (pair, (last, ..)) in parts.windows(2).zip(&runs) {
             conditions.extend(pair[1].gap(last)?);
         }
-        let of = self.given.torque.as_ref().filter(|_| self.effort > 0.0);
-        let effort = of.map_or(0.0, |torque| torque.effort(&u[self.given.unknowns.len()..], duration).0);
+        let effort =
+            self.costly_torque().map_or(0.0, |torque| torque.effort(&u[self.given.unknowns.len()..], duration).0);
         let start = parts[0].origin;
         let touches = &parts[0].plan.simulation.touches;
         let told = |event: &Event| Happened { time: event.time - start, what: event.named(touches).told() };
@@ -150,7 +150,7 @@ impl Problem {
         rows.extend(gaps);
         let matrix = |rows: &[Vec<f64>]| DMatrix::from_fn(rows.len(), n, |i, j| rows[i][j]);
         let mut effort = DVector::zeros(n);
-        if let Some(torque) = given.torque.as_ref().filter(|_| self.effort > 0.0) {
+        if let Some(torque) = self.costly_torque() {
             let (sum, by) = torque.effort(&u[given.unknowns.len()..], *duration);
             effort.rows_mut(given.unknowns.len(), by.len()).copy_from_slice(&by);
             later.iter().for_each(|(k, by)| effort[*k] += sum / duration * by);

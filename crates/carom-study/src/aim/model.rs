@@ -18,6 +18,7 @@
 
 use super::evaluate::{Slopes, Values};
 use super::problem::Problem;
+use super::torque::Torque;
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT};
 use nalgebra::{DMatrix, DVector};
@@ -49,6 +50,11 @@ pub(super) struct Solved {
 impl Problem {
     pub(super) fn has_cost(&self) -> bool {
         !self.costs.is_empty() || self.effort > 0.0
+    }
+
+    /// The torques over time, if their effort is a cost.
+    pub(super) fn costly_torque(&self) -> Option<&Torque> {
+        self.given.torque.as_ref().filter(|_| self.effort > 0.0)
     }
 
     /// f.
@@ -104,7 +110,7 @@ impl Problem {
         if let Some(hessian) = hessian {
             p.extend((0..n).flat_map(|j| (0..=j).map(move |i| (i, j, hessian[(i, j)]))));
         }
-        if let Some(torque) = self.given.torque.as_ref().filter(|_| self.effort > 0.0) {
+        if let Some(torque) = self.costly_torque() {
             let first = self.given.unknowns.len();
             for (i, j, x) in torque.effort_twice(values.duration) {
                 p.push((first + i, first + j, self.effort * x * sizes[first + i] * sizes[first + j]));
@@ -204,7 +210,7 @@ impl Problem {
             let moved = slopes.costs.row(k).transpose().dot(&d);
             promised -= self.costs[k].weight * moved * (2.0 * values.costs[k] + moved);
         }
-        if let Some(torque) = self.given.torque.as_ref().filter(|_| self.effort > 0.0) {
+        if let Some(torque) = self.costly_torque() {
             let first = self.given.unknowns.len();
             let own: Vec<f64> = (first..n).map(|j| d[j] * sizes[j]).collect();
             promised -= self.effort * torque.effort(&own, values.duration).0;

@@ -111,11 +111,10 @@ impl Torque {
             let forces = (0..self.joints.len()).map(|joint| torques[joint * self.count + k]).collect();
             (time, forces)
         };
+        let h = self.step(duration);
         if self.pieces {
-            let h = duration / self.count as f64;
             return (0..self.count).flat_map(|k| [row(k as f64 * h, k), row((k + 1) as f64 * h, k)]).collect();
         }
-        let h = duration / (self.count - 1).max(1) as f64;
         (0..self.count).map(|k| row(k as f64 * h, k)).collect()
     }
 
@@ -140,40 +139,31 @@ impl Torque {
         Drive::Table(TorqueTable { times, forces })
     }
 
-    /// ∫ |τ|² dt, and its derivatives.
+    /// The time between knots, or the length of a piece.
+    fn step(&self, duration: f64) -> f64 {
+        duration / (if self.pieces { self.count } else { self.count - 1 }) as f64
+    }
+
+    /// ∫ |τ|² dt, and its derivatives: a quadratic form of the torques, half that of its second derivatives.
     pub fn effort(&self, torques: &[f64], duration: f64) -> (f64, Vec<f64>) {
-        let (mut sum, mut by) = (0.0, vec![0.0; torques.len()]);
-        for joint in 0..self.joints.len() {
-            let at = joint * self.count;
-            if self.pieces {
-                let h = duration / self.count as f64;
-                for k in at..at + self.count {
-                    sum += h * torques[k] * torques[k];
-                    by[k] = 2.0 * h * torques[k];
-                }
-                continue;
-            }
-            let h = duration / (self.count - 1).max(1) as f64;
-            for k in at..at + self.count - 1 {
-                let (a, b) = (torques[k], torques[k + 1]);
-                sum += h / 3.0 * (a * a + a * b + b * b);
-                by[k] += h / 3.0 * (2.0 * a + b);
-                by[k + 1] += h / 3.0 * (a + 2.0 * b);
+        let mut by = vec![0.0; torques.len()];
+        for (i, j, x) in self.effort_twice(duration) {
+            by[i] += x * torques[j];
+            if i != j {
+                by[j] += x * torques[i];
             }
         }
-        (sum, by)
+        (0.5 * by.iter().zip(torques).map(|(by, torque)| by * torque).sum::<f64>(), by)
     }
 
     /// The second derivatives of the effort: row, column, value, of which those above the diagonal stand for both.
     pub fn effort_twice(&self, duration: f64) -> Vec<(usize, usize, f64)> {
-        let mut all = Vec::new();
+        let (mut all, h) = (Vec::new(), self.step(duration));
         for at in (0..self.joints.len()).map(|joint| joint * self.count) {
             if self.pieces {
-                let h = duration / self.count as f64;
                 all.extend((at..at + self.count).map(|k| (k, k, 2.0 * h)));
                 continue;
             }
-            let h = duration / (self.count - 1).max(1) as f64;
             for k in at..at + self.count {
                 let ends = k == at || k + 1 == at + self.count;
                 all.push((k, k, if ends { 2.0 } else { 4.0 } * h / 3.0));
