@@ -2,6 +2,7 @@
 
 use crate::error::{CliError, LineError, Refused};
 use carom_chain::input::{MESSAGE, shortened};
+pub use carom_evidence::consistency::short;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use serde_json::Value;
@@ -249,16 +250,4 @@ pub fn brief(x: f64) -> String {
     let rounded: f64 = format!("{x:.5e}").parse().unwrap_or(x);
     let size = rounded.abs();
     if size != 0.0 && !(1e-4..1e7).contains(&size) { format!("{rounded:e}") } else { format!("{}", rounded + 0.0) }
-}
-
-/// Seven decimals from 1e-4 to 1e6, exponents outside.
-pub fn short(x: f64) -> String {
-    let size = x.abs();
-    if x == 0.0 {
-        "0".into()
-    } else if (1e-4..1e6).contains(&size) {
-        format!("{x:.7}")
-    } else {
-        format!("{x:.6e}")
-    }
 }

@@ -36,7 +36,7 @@ mod words;
 pub(crate) use measured::measured_from;
 pub use measured::{MeasuredRow, read_measured};
 pub use v_plot::v_plot;
-pub use words::print;
+pub use words::{print, short};
 
 use crate::paper::Tangential;
 use crate::serialised_by_name;

@@ -105,7 +105,8 @@ impl Findings {
 }
 
 /// Seven decimals from 1e-4 to 1e6, exponents outside.
-fn seven(x: f64) -> String {
+#[doc(hidden)]
+pub fn short(x: f64) -> String {
     match x.abs() {
         0.0 => "0".into(),
         size if (1e-4..1e6).contains(&size) => format!("{x:.7}"),
@@ -155,7 +156,7 @@ pub fn print(rows: &[Findings], out: &mut dyn Write) -> io::Result<()> {
             )?;
         }
         if let (false, Some(Pose { h, d })) = (row.consistent, row.fit.at) {
-            writeln!(out, "  (tangential velocities are those of the best fit: h = {}, D = {})", seven(h), seven(d))?;
+            writeln!(out, "  (tangential velocities are those of the best fit: h = {}, D = {})", short(h), short(d))?;
         }
         for sentence in &row.verdict {
             writeln!(out, "  - {sentence}")?;
