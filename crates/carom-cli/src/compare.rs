@@ -172,7 +172,7 @@ impl CompareCommand {
         let mut comparisons: Vec<Vec<Comparison>> = Vec::new();
         for set in &sets {
             let bar = bar("steps");
-            comparisons.push(compare(set, &options, &|done, all, _| bar.tell(done, all))?);
+            comparisons.push(compare(set, &options, &|done, all| bar.tell(done, all))?);
         }
         let (pages, others): (Vec<_>, Vec<_>) = comparisons.iter().enumerate().partition(|(k, _)| own.contains(k));
         let mut printed: String = pages.iter().map(|(_, one)| markdown(one)).collect();

@@ -28,7 +28,7 @@ fn set(folder: &Folder) -> DataSet {
     sets.remove(0)
 }
 
-const QUIETLY: &(dyn Fn(usize, usize, &str) + Sync) = &|_, _, _| {};
+const QUIETLY: &(dyn Fn(usize, usize) + Sync) = &|_, _| {};
 
 /// Rows of a table of planar impacts of the ellipse, computed with a law, with noise of 1 %.
 fn ellipse(law: &str, coefficients: Coefficients, count: usize) -> Vec<[f64; 13]> {

@@ -315,7 +315,7 @@ fn broken_tables_and_robots_are_refused() {
     };
     let robot = biped(false);
     let set = load(&whole, &robot).unwrap().remove(0);
-    let few = crate::compare::compare(&set, &CompareOptions::default(), &|_, _, _| {}).unwrap_err().to_string();
+    let few = crate::compare::compare(&set, &CompareOptions::default(), &|_, _| {}).unwrap_err().to_string();
     assert!(few.ends_with("it has 0 measurements that can be compared, but 5 are needed for 5 folds"), "{few}");
     let refused = |text: &str, robot: &str, file: &str, why: &str| {
         let told = load(text, robot).unwrap_err().to_string();

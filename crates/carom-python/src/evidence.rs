@@ -79,7 +79,7 @@ pub fn compare_laws<'py>(
             sets.extend(data_sets(&path, &LoadOptions::default())?);
         }
         let one = |set: &DataSet| -> Result<_, carom_evidence::EvidenceError> {
-            let all = compare(set, &options, &|_, _, _| halt(stop))?;
+            let all = compare(set, &options, &|_, _| halt(stop))?;
             let (page, picture) = (markdown(&all), svg(&all)?);
             Ok((set.name.clone(), all, page, picture))
         };

@@ -124,8 +124,8 @@ pub(crate) struct FittedCoefficient {
     pub values: Vec<f64>,
 }
 
-/// The number of the comparison's steps that are done, the number of all, and what is being done.
-pub type Progress<'a> = &'a (dyn Fn(usize, usize, &str) + Sync);
+/// The number of the comparison's steps that are done, and the number of all.
+pub type Progress<'a> = &'a (dyn Fn(usize, usize) + Sync);
 
 /// Error below which the published measure counts a toss as predicted.
 const THRESHOLD: f64 = 0.5;

@@ -37,7 +37,7 @@ pub(super) fn compare(
     let judge = |candidate: Candidate| {
         let one = |fold: usize| {
             let fitted = fit(&candidate, impacts, &fold_of, fold, options);
-            progress(done.fetch_add(1, Ordering::Relaxed) + 1, all, &set.name);
+            progress(done.fetch_add(1, Ordering::Relaxed) + 1, all);
             fitted
         };
         let coefficients: Vec<Vec<f64>> = (0..options.folds).into_par_iter().map(one).collect();

@@ -85,12 +85,8 @@ pub(super) fn compare(
     let effects = effects(robot);
     let all = candidates.len() + effects.len() + 1;
     let mut judged: Vec<[Judged; 4]> = Vec::new();
-    let tell = |k: usize, candidate: &Candidate| {
-        let effects = candidate.effects.iter().map(|effect| format!(" + {}", effect.name())).collect::<String>();
-        progress(k, all, &format!("{}: {} ({}){effects}", set.name, candidate.law, candidate.several.name()));
-    };
     for (k, candidate) in candidates.into_iter().enumerate() {
-        tell(k, &candidate);
+        progress(k, all);
         let four = work.judge(candidate, None);
         // a law that the simulation refuses for every toss has no error and no rank
         if predicts(&four) {
@@ -106,15 +102,14 @@ pub(super) fn compare(
     let mut last =
         (0..judged.len()).min_by(|a, b| training(&judged[*a]).total_cmp(&training(&judged[*b]))).unwrap_or(0);
     for effect in effects {
-        let candidate = judged[last][0].candidate.with(effect);
-        tell(judged.len(), &candidate);
-        let next = work.judge(candidate, Some(&judged[last][0]));
+        progress(judged.len(), all);
+        let next = work.judge(judged[last][0].candidate.with(effect), Some(&judged[last][0]));
         if predicts(&next) {
             last = judged.len();
             judged.push(next);
         }
     }
-    progress(all - 1, all, &format!("{}: floor", set.name));
+    progress(all - 1, all);
     let best = judged.iter().min_by(|a, b| mean(&a[0].errors).total_cmp(&mean(&b[0].errors)));
     let floors = best.map(|best| work.floors(&best[0]));
     let weakest = best.and_then(|best| work.weakest(&best[0]));
@@ -126,7 +121,7 @@ pub(super) fn compare(
             }
         }
     }
-    progress(all, all, &set.name);
+    progress(all, all);
     let what = ["to 0.1 s after the first impact", "whole toss"];
     let start = ["start fitted to the flight", "start given by the table"];
     let comparison = |(k, judged): (usize, Vec<Judged>)| Comparison {

@@ -90,7 +90,7 @@ pub(super) fn compare(
     for law in laws {
         let mut model = law;
         for k in 0..=EFFECTS.len() {
-            progress(judged[0].len(), all, &set.name);
+            progress(judged[0].len(), all);
             let simpler = judged[0].last().filter(|_| k > 0);
             let both = judge(landings, &model, simpler, &fold_of, options);
             judged.iter_mut().zip(both).for_each(|(part, one)| part.push(one));
@@ -99,7 +99,7 @@ pub(super) fn compare(
             }
         }
     }
-    progress(all, all, &set.name);
+    progress(all, all);
     let residuals = |model: &Candidate, x: &[f64]| -> Residuals {
         landings.errors(model, x, options.tolerance).iter().map(residual).collect()
     };
