@@ -2,6 +2,7 @@
 
 use carom_sim::key_group;
 use carom_sim::keys::{Loading, Table};
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::collections::BTreeMap;
@@ -112,7 +113,26 @@ fn five() -> usize {
     5
 }
 
-/// Written by hand, because the error of an untagged enum of serde does not name what is expected.
+/// The keys of a range.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Range {
+    from: f64,
+    to: f64,
+    count: u64,
+    #[serde(default)]
+    unit: Unit,
+}
+
+#[derive(Deserialize, Default, PartialEq)]
+#[serde(rename_all = "lowercase")]
+enum Unit {
+    #[default]
+    Rad,
+    Deg,
+}
+
+/// Keeps the messages about the keys of a range, which an untagged enum would lose.
 impl<'de> Deserialize<'de> for Values {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         struct Reader;
@@ -130,37 +150,12 @@ impl<'de> Deserialize<'de> for Values {
             fn visit_u64<E: Error>(self, x: u64) -> Result<Values, E> {
                 Ok(Values::One(x as f64))
             }
-            fn visit_seq<S: SeqAccess<'de>>(self, mut seq: S) -> Result<Values, S::Error> {
-                let mut list = Vec::new();
-                while let Some(x) = seq.next_element::<f64>()? {
-                    list.push(x);
-                }
-                Ok(Values::List(list))
+            fn visit_seq<S: SeqAccess<'de>>(self, seq: S) -> Result<Values, S::Error> {
+                Vec::deserialize(SeqAccessDeserializer::new(seq)).map(Values::List)
             }
-            fn visit_map<M: MapAccess<'de>>(self, mut map: M) -> Result<Values, M::Error> {
-                let (mut from, mut to, mut count, mut degrees) = (None, None, None, None);
-                while let Some(key) = map.next_key::<String>()? {
-                    match key.as_str() {
-                        "from" => from = Some(map.next_value::<f64>()?),
-                        "to" => to = Some(map.next_value::<f64>()?),
-                        "count" => count = Some(map.next_value::<u64>()?),
-                        "unit" => {
-                            degrees = Some(match map.next_value::<String>()?.as_str() {
-                                "deg" => true,
-                                "rad" => false,
-                                other => return Err(Error::unknown_variant(other, &["rad", "deg"])),
-                            });
-                        }
-                        other => return Err(Error::unknown_field(other, &["from", "to", "count", "unit"])),
-                    }
-                }
-                let missing = Error::missing_field;
-                Ok(Values::Range {
-                    from: from.ok_or_else(|| missing("from"))?,
-                    to: to.ok_or_else(|| missing("to"))?,
-                    count: count.ok_or_else(|| missing("count"))?,
-                    degrees: degrees.unwrap_or_default(),
-                })
+            fn visit_map<M: MapAccess<'de>>(self, map: M) -> Result<Values, M::Error> {
+                let Range { from, to, count, unit } = Range::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(Values::Range { from, to, count, degrees: unit == Unit::Deg })
             }
         }
         from.deserialize_any(Reader)
