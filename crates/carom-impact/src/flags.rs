@@ -61,6 +61,21 @@ impl Flags {
         Self::NAMES.into_iter().filter(move |(flag, _)| self.contains(*flag)).map(|(_, name)| name)
     }
 
+    /// The flags as bits, in the order of [`Flags::names`].
+    ///
+    /// ```
+    /// # use carom_impact::Flags;
+    /// assert_eq!((Flags::ENERGY_GAIN | Flags::GRAZING).bits(), 0b1001);
+    /// ```
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// The flags of [`Flags::bits`]; bits without a flag are left out.
+    pub const fn from_bits(bits: u8) -> Self {
+        Self(bits & ((1 << Self::NAMES.len()) - 1))
+    }
+
     /// This flag if `condition` holds, else none.
     pub(crate) const fn when(self, condition: bool) -> Self {
         if condition { self } else { Self::NONE }

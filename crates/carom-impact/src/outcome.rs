@@ -297,6 +297,9 @@ pub enum Mode {
 }
 
 impl Mode {
+    /// All modes, in the order of their numbers, `mode as usize`.
+    pub const ALL: [Self; 4] = [Self::Open, Self::Stick, Self::Slip, Self::ReverseSlip];
+
     /// The mode that follows from the slips before and after.
     pub(crate) fn between<T: RealField + Copy, const D: usize>(
         u_minus: &SVector<T, D>,

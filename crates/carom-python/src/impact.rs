@@ -153,21 +153,6 @@ pub fn matrix<'py>(py: Python<'py>, m: &DMatrix<f64>) -> PyResult<Array<'py>> {
     array(py, m.transpose().as_slice().to_vec(), &[m.nrows(), m.ncols()])
 }
 
-/// The flags as bits, in the order of `Flags.names`.
-pub fn bits(flags: Flags) -> u8 {
-    FLAGS.iter().enumerate().map(|(k, (_, flag))| u8::from(flags.contains(*flag)) << k).sum()
-}
-
-/// Names of the flags, bit by bit.
-pub const FLAGS: [(&str, Flags); 6] = [
-    ("energy-gain", Flags::ENERGY_GAIN),
-    ("jam", Flags::JAM),
-    ("singular", Flags::SINGULAR),
-    ("grazing", Flags::GRAZING),
-    ("non-unique", Flags::NON_UNIQUE),
-    ("no-approach", Flags::NO_APPROACH),
-];
-
 getters! { Impact, self, py {
     /// Joint velocities after the impact, shape (nv,); rad/s, m/s.
     qd_plus: Array<'py> = list(py, &self.hit.qd_plus)?;
@@ -385,7 +370,8 @@ impl Pickled for Flags {
 
     fn read(from: &Bound<'_, PyAny>) -> PyResult<Self> {
         let names: Vec<String> = Vec::read(from)?;
-        let all = FLAGS.into_iter().chain([("without-restitution", Self::WITHOUT_RESTITUTION)]);
-        Ok(all.filter(|(name, _)| names.iter().any(|it| it == name)).fold(Self::NONE, |sum, (_, flag)| sum | flag))
+        let all = (0..u8::BITS).map(|bit| Self::from_bits(1 << bit));
+        let written = all.filter(|flag| flag.names().any(|own| names.iter().any(|name| name == own)));
+        Ok(written.fold(Self::NONE, |sum, flag| sum | flag))
     }
 }

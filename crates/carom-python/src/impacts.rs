@@ -4,7 +4,7 @@ use crate::array::{Array, Given, Numbers, Plain, array, bytes, list};
 use crate::batch::{CHUNK, first_error};
 use crate::error::InBatch;
 use crate::error::exceptions::ImpactError;
-use crate::impact::{Derivatives, FLAGS, Impact, Wanted, bits};
+use crate::impact::{Derivatives, Impact, Wanted};
 use crate::laws::{GivenLaw, texts};
 use crate::notebook;
 use crate::pickle::fields;
@@ -17,9 +17,6 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyIterator, PyRange, PyTuple};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// The modes by their numbers.
-const MODES: [Mode; 4] = [Mode::Open, Mode::Stick, Mode::Slip, Mode::ReverseSlip];
 
 /// The blocks of numbers: qd⁺, impulse, u⁻, u⁺, energies before and after with the works of the normal and the tangential impulse and
 /// of the drives, the impulse of the drives, and the derivatives by rows (∂qd⁺/∂q, ∂qd⁺/∂qd, ∂qd⁺/∂e and ∂qd⁺/∂μ).
@@ -70,8 +67,7 @@ impl Piece<'_> {
         for ((block, width), row) in self.blocks.iter_mut().zip(self.widths).zip(rows) {
             block[k * width..][..width].copy_from_slice(row);
         }
-        let mode = MODES.iter().position(|mode| *mode == hit.mode).unwrap_or(0);
-        self.codes[2 * k..][..2].copy_from_slice(&[mode as u8, bits(hit.flags)]);
+        self.codes[2 * k..][..2].copy_from_slice(&[hit.mode as u8, hit.flags.bits()]);
     }
 
     fn write_derivatives(&mut self, k: usize, impact: &Impact) {
@@ -212,10 +208,8 @@ impl Impacts {
     fn one(&self, py: Python<'_>, k: usize) -> PyResult<Impact> {
         let row = |block: usize| self.blocks[block].bind(py).get_item(k)?.extract::<Vec<f64>>();
         let vector = |block: usize| row(block).map(|v| Vector3::from_row_slice(&v));
-        let (energies, codes) = (row(4)?, self.codes.bind(py).get_item(k)?.extract::<[usize; 2]>()?);
-        let mode = MODES[codes[0]];
-        let set = FLAGS.iter().enumerate().filter(|(bit, _)| codes[1] >> bit & 1 == 1);
-        let flags = set.fold(Flags::NONE, |sum, (_, (_, flag))| sum | *flag);
+        let (energies, codes) = (row(4)?, self.codes.bind(py).get_item(k)?.extract::<[u8; 2]>()?);
+        let (mode, flags) = (Mode::ALL[usize::from(codes[0])], Flags::from_bits(codes[1]));
         let account =
             Account { mode, normal_work: energies[2], friction_work: energies[3], flags, ..Account::default() };
         let hit = ChainImpact {
@@ -259,9 +253,8 @@ impl Impacts {
     }
 
     fn names(&self, py: Python<'_>) -> PyResult<Vec<Vec<&'static str>>> {
-        let bits: Vec<usize> = Self::column(py, &self.codes, 1)?.call_method0("tolist")?.extract()?;
-        let set = |bits: usize| FLAGS.iter().enumerate().filter(move |(bit, _)| bits >> bit & 1 == 1);
-        Ok(bits.into_iter().map(|bits| set(bits).map(|(_, (name, _))| *name).collect()).collect())
+        let bits: Vec<u8> = Self::column(py, &self.codes, 1)?.call_method0("tolist")?.extract()?;
+        Ok(bits.into_iter().map(|bits| Flags::from_bits(bits).names().collect()).collect())
     }
 
     /// Column k of an array.
@@ -317,7 +310,7 @@ getters! { Impacts, self, py {
     /// Impulses of the drives on each joint, shape (B, nv), N m s or N s.
     drive_impulse: Array<'py> = read_only(self.blocks[5].bind(py))?;
     /// Contact modes at the end of the impacts, an array of texts of shape (B,): "open", "stick", "slip", "reverse-slip".
-    mode: Array<'py>, "NDArray[np.str_]" = texts(py, &MODES.map(Mode::name))?.get_item(Self::column(py, &self.codes, 0)?)?;
+    mode: Array<'py>, "NDArray[np.str_]" = texts(py, &Mode::ALL.map(Mode::name))?.get_item(Self::column(py, &self.codes, 0)?)?;
     /// The names of the flags that are set at each state, a list of B lists of texts, as `Impact.flags`.
     flags: Vec<Vec<&'static str>> = self.names(py)?;
     /// The flags as an array of uint8 of shape (B,), with bits as in carom.Flags; 0 for an ordinary impact.
@@ -375,8 +368,9 @@ impl Impacts {
     /// Raises:
     ///     ImpactError: an unknown name.
     fn flagged<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Array<'py>> {
-        let Some(bit) = FLAGS.iter().position(|(flag, _)| *flag == name) else {
-            let names = FLAGS.map(|(flag, _)| flag).join(", ");
+        let known: Vec<&str> = Flags::from_bits(Flags::WITHOUT_RESTITUTION.bits() - 1).names().collect();
+        let Some(bit) = known.iter().position(|flag| *flag == name) else {
+            let names = known.join(", ");
             return Err(ImpactError::new_err(format!(
                 "name is '{name}', and no flag is named so: the flags are {names}"
             )));

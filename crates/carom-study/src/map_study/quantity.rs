@@ -2,7 +2,7 @@
 
 use super::boundary::EDGES;
 use crate::Column;
-use carom_impact::{Edge, Flags};
+use carom_impact::{Edge, Flags, Mode};
 
 /// Result of a row: why it has no numbers, or how the tangential velocity of the contact point changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -132,9 +132,6 @@ const KNOWN: [(&str, &str, Quantity); 29] = [
     ("qd_plus", "", Q::QdPlus),
 ];
 
-/// Contact modes at the end of an impact, in the order of their codes.
-pub(super) const MODES: [&str; 4] = ["open", "stick", "slip", "reverse-slip"];
-
 /// The names that `[map] quantities` accepts.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
     KNOWN.iter().map(|(name, ..)| *name)
@@ -144,23 +141,9 @@ pub(super) fn by_name(name: &str) -> Option<Quantity> {
     KNOWN.iter().find(|(known, ..)| *known == name).map(|(.., quantity)| *quantity)
 }
 
-/// The flags that a map tells, in the order of their bits.
-const FLAGS: [Flags; 6] =
-    [Flags::ENERGY_GAIN, Flags::JAM, Flags::SINGULAR, Flags::GRAZING, Flags::NON_UNIQUE, Flags::NO_APPROACH];
-
-/// Words for every set of flags, in the order of their bits.
-fn flag_sets() -> Vec<String> {
-    let set = |bits: usize| {
-        let flags = FLAGS.iter().enumerate().filter(|(k, _)| bits >> k & 1 == 1);
-        flags.flat_map(|(_, flag)| flag.names()).collect::<Vec<_>>().join("+")
-    };
-    (0..1 << FLAGS.len()).map(set).collect()
-}
-
-/// The code of a set of flags among [`flag_sets`].
-pub(super) fn flag_code(flags: Flags) -> f64 {
-    let bits = FLAGS.iter().enumerate().map(|(k, flag)| u8::from(flags.contains(*flag)) << k).sum::<u8>();
-    f64::from(bits)
+/// Words for every set of flags of a single impact, in the order of their bits.
+fn flag_sets() -> impl Iterator<Item = String> {
+    (0..Flags::WITHOUT_RESTITUTION.bits()).map(|bits| Flags::from_bits(bits).names().collect::<Vec<_>>().join("+"))
 }
 
 impl Quantity {
@@ -183,7 +166,7 @@ impl Quantity {
             Column::number(format!("{name}.{joint}")).in_unit(if unit == "m/s" { "N s" } else { "N m s" })
         };
         match self {
-            Q::Mode | Q::ModeBeyond => vec![Column::word(name, MODES)],
+            Q::Mode | Q::ModeBeyond => vec![Column::word(name, Mode::ALL.map(Mode::name))],
             Q::ModeEdge => vec![Column::word(name, EDGES.map(Edge::name))],
             Q::Flags => vec![Column::word(name, flag_sets())],
             Q::LimitJoint => vec![Column::word(name, limited)],
@@ -217,7 +200,7 @@ mod tests {
     fn a_set_of_flags_has_the_names_of_its_flags() {
         let column = &Q::Flags.columns(2, &[], &[])[0];
         for flags in [Flags::NONE, Flags::JAM, Flags::ENERGY_GAIN | Flags::GRAZING | Flags::NO_APPROACH] {
-            assert_eq!(column.spell(flag_code(flags)), flags.to_string().replace(", ", "+"));
+            assert_eq!(column.spell(f64::from(flags.bits())), flags.to_string().replace(", ", "+"));
         }
     }
 

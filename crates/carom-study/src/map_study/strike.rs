@@ -2,7 +2,7 @@
 
 use super::arm::{Hand, Limit};
 use super::boundary::{Along, edge_code, nearest_change};
-use super::quantity::{Class, Quantity as Q, flag_code};
+use super::quantity::{Class, Quantity as Q};
 use carom_chain::algebra::Algebra;
 use carom_chain::{ChainError, ContactInertia, PointResponse};
 use carom_impact::{AnyLaw, Boundary, Coefficients, Flags, ImpactOutcome, ImpactProblem, Law, Mode};
@@ -184,7 +184,7 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
         for quantity in &self.arm.quantities {
             let (value, width) = match quantity {
                 Q::Mode => (f64::from(hit.mode as u8), 1),
-                Q::Flags => (flag_code(hit.flags), 1),
+                Q::Flags => (f64::from(hit.flags.bits()), 1),
                 Q::TangentialJump => (hit.u_plus[0] - hit.u_minus[0], 1),
                 Q::TangentialRatio => (hit.u_plus[0] / hit.u_minus[0], 1),
                 Q::TangentialAfter => (hit.u_plus[0], 1),
