@@ -124,7 +124,7 @@ struct Report {
 impl CompareCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         if let Some(folder) = &self.out {
-            files::check_folder("--out", folder)?;
+            files::check_folder(folder)?;
         }
         files::check(&[], &[("--export", self.export.as_deref())])?;
         let part = |name: &str| if name == Horizon::Early.name() { Horizon::Early } else { Horizon::Whole };

@@ -116,15 +116,15 @@ impl Outputs {
     }
 }
 
-/// Refuses a folder for outputs that is a file or whose parent does not exist; the folder itself may be missing.
-pub fn check_folder(option: &str, path: &Path) -> Result<(), CliError> {
+/// Refuses a folder of `--out` that is a file or whose parent does not exist; the folder itself may be missing.
+pub fn check_folder(path: &Path) -> Result<(), CliError> {
     if path.is_dir() {
         return Ok(());
     }
     if path.exists() {
-        return Err(CliError::Input(format!("{option} {}: it is a file: give a folder", path.display())));
+        return Err(CliError::Input(format!("--out {}: it is a file: give a folder", path.display())));
     }
-    check_parent(option, path)
+    check_parent("--out", path)
 }
 
 /// Refuses a folder that has some of these files but not all: they are not those of an earlier run, which are replaced.

@@ -36,7 +36,7 @@ pub struct PaperCommand {
 
 impl PaperCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
-        files::check_folder("--out", &self.out)?;
+        files::check_folder(&self.out)?;
         let paper = Paper::of(&stand_in().map_err(EvidenceError::from)?)?;
         paper.write(&self.out)?;
         answer_about(&self.out, out, &paper, self.json, |paper, out| paper.print(&self.out, out))

@@ -48,7 +48,7 @@ impl StressCommand {
             let rule = format!("no name of a scene contains it: the scenes are {names}");
             return Err(CliError::Input(format!("--scene {text}: {rule}")));
         }
-        files::check_folder("--out", &self.out)?;
+        files::check_folder(&self.out)?;
         files::check_own("--out", &self.out, &FILES)?;
         make_folder(&self.out)?;
         let bar = Bar::new(Some(scenes.len() as u64), "{elapsed:>5} {bar:30} {pos}/{len} {msg}");

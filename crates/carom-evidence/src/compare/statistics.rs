@@ -1,14 +1,7 @@
 //! Folds, and statistics of errors on held-out measurements.
 
-use carom_study::fit::median;
+use carom_study::fit::{median, shuffled};
 use serde::Serialize;
-
-/// The numbers below `count` in a seeded random order.
-pub(super) fn shuffled(count: usize, seed: u64) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..count).collect();
-    fastrand::Rng::with_seed(seed).shuffle(&mut order);
-    order
-}
 
 /// The fold of each of `count` measurements: the measurements are dealt out in the order of [`shuffled`], so that the sizes of
 /// two folds differ by at most one.

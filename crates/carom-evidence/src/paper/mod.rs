@@ -210,13 +210,10 @@ fn velocities_for(chain: &Chain, q: &[f64; 2], u: Vector3<f64>) -> Result<[f64; 
     let jacobian = workspace.update(chain, q)?.point_jacobian(tip);
     let square = Matrix2::from_fn(|i, j| jacobian[(i, j)]);
     let singular = || SimError::SingularPose { link: "tip".into(), q: q.to_vec() };
-    let qd = regular(square).and_then(|j| j.lu().solve(&u.xy())).ok_or_else(singular)?;
+    // Singular is what is so within rounding.
+    let regular = square.determinant().abs() > 1e-12 * square.norm_squared();
+    let qd = regular.then(|| square.lu().solve(&u.xy())).flatten().ok_or_else(singular)?;
     Ok(qd.into())
-}
-
-/// The Jacobian if it is regular beyond rounding.
-pub(crate) fn regular(jacobian: Matrix2<f64>) -> Option<Matrix2<f64>> {
-    (jacobian.determinant().abs() > 1e-12 * jacobian.norm_squared()).then_some(jacobian)
 }
 
 /// Computes all twenty-four impacts of the experiment, in the order elbow, speed, angle.

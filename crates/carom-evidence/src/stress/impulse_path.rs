@@ -9,6 +9,7 @@
 //!
 //! by Gragg's extrapolated midpoint rule of order 12. Sticking, and slip in an invariant direction, have constant rates in p.
 
+use crate::halved;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 /// Midpoint steps of the extrapolation.
@@ -146,12 +147,8 @@ impl Contact {
         }
         // |(A + s)⁻¹h| falls from above μ to zero as s grows.
         let held = |s: f64| Some(-((self.a + Matrix2::identity() * s).try_inverse()? * self.h));
-        let (mut low, mut high) = (0.0, self.h.norm() / self.mu);
-        for _ in 0..200 {
-            let middle = 0.5 * (low + high);
-            if held(middle)?.norm() > self.mu { low = middle } else { high = middle }
-        }
-        held(high)
+        let low = |s: f64| held(s).is_some_and(|rate| rate.norm() > self.mu);
+        held(halved([0.0, self.h.norm() / self.mu], 200, low)[1])
     }
 
     /// With the constant rate `rate` = dp_t/dp over the normal impulse `dp`.

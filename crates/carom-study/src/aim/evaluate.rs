@@ -5,11 +5,12 @@
 //!
 //! In [segments](super::segments) each has a run of its own, and x₀ of all but the first is unknown.
 
-use super::function::{Function, Point, Slope, difference, difference_within};
+use super::function::{Function, Point, Slope, difference_within};
 use super::problem::{Place, Problem};
 use super::segments::Part;
 use super::unknown::{FirstState, Given, from_to};
 use super::{AimError, Happened};
+use crate::problem_file::difference;
 use carom_sim::{ByOutcome, Event, LinearRun, Moment, Parameter, Sampling, Seen, SimError, Simulation, StopReason};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;

@@ -3,6 +3,7 @@
 //! Their derivatives are central differences of fourth order: a function needs the kinematics of one state only, so that they cost little
 //! beside a run, and their error is that of rounding, about 1e-11.
 
+use crate::problem_file::{STEP, difference};
 use carom_chain::{FrameId, Spatial, Workspace};
 use carom_sim::{Formula, SimError, Simulation, state_variables};
 
@@ -214,13 +215,4 @@ pub(super) fn difference_within(size: f64, mut at: impl FnMut(f64) -> Result<f64
         let h = STEP * size;
         beside(h).or_else(|_| beside(-h)).map_err(|_| why)
     })
-}
-
-/// Of the error of [`difference`], h⁴, and that of rounding, ε/h, neither is above 1e-11.
-const STEP: f64 = 1e-3;
-
-/// The derivative of a function of a number of this size at 0.
-pub(super) fn difference(size: f64, mut at: impl FnMut(f64) -> Result<f64, SimError>) -> Result<f64, SimError> {
-    let h = STEP * size;
-    Ok(((at(h)? - at(-h)?) * 8.0 - (at(2.0 * h)? - at(-2.0 * h)?)) / (12.0 * h))
 }

@@ -4,10 +4,11 @@
 //! derivatives of one segment are smaller than those of the whole by the growth of its errors, so that unstable motions are found from a
 //! guess of their path.
 
-use super::function::{Function, Point, difference};
+use super::function::{Function, Point};
 use super::problem::{Condition, Problem};
 use super::unknown::Given;
 use super::{AimError, End, Found, Unknown};
+use crate::problem_file::difference;
 use carom_chain::Coordinates;
 use carom_sim::{Moment, Plan, SimError, Simulation, state_variables};
 use std::collections::BTreeMap;

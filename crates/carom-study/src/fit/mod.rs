@@ -290,12 +290,19 @@ impl FitOptions<'_> {
                  more, or train on a larger share of them"
             )));
         }
-        let mut order: Vec<usize> = (0..all).collect();
-        fastrand::Rng::with_seed(self.seed).shuffle(&mut order);
+        let mut order = shuffled(all, self.seed);
         order.truncate(found);
         order.sort_unstable();
         Ok(order)
     }
+}
+
+/// The numbers below `count` in a seeded random order.
+#[doc(hidden)] // for carom-evidence
+pub fn shuffled(count: usize, seed: u64) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..count).collect();
+    fastrand::Rng::with_seed(seed).shuffle(&mut order);
+    order
 }
 
 /// Names of the coefficients that not every fit has.

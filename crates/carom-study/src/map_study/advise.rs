@@ -10,6 +10,7 @@ use super::arm::Worker;
 use super::axis::{Axis, places};
 use super::quantity::Class;
 use super::{CLASSES, Study, StudyError};
+use crate::fit::median;
 use rayon::prelude::*;
 
 /// Greatest number of rows: one number for each is held in memory.
@@ -122,13 +123,8 @@ impl Study {
         let mut sorted: Vec<f64> = costs.iter().copied().filter(|cost| cost.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
         let value = |cost: f64| if wish.maximise { -cost } else { cost };
-        let spread = match (sorted.first(), sorted.last()) {
-            (Some(best), Some(worst)) => {
-                let [below, above] = [sorted[(sorted.len() - 1) / 2], sorted[sorted.len() / 2]];
-                Some([*best, below.midpoint(above), *worst].map(value))
-            }
-            _ => None,
-        };
+        let (fulfil, ends) = (sorted.len() as u64, sorted.first().copied().zip(sorted.last().copied()));
+        let spread = ends.map(|(best, worst)| [best, median(sorted), worst].map(value));
         let axes = self.axes();
         let mut tops: Vec<u64> = (0..self.rows).into_par_iter().filter(|index| is_top(axes, &costs, *index)).collect();
         tops.sort_by(|a, b| costs[*a as usize].total_cmp(&costs[*b as usize]).then(a.cmp(b)));
@@ -146,13 +142,7 @@ impl Study {
         let cost = |it: &Advised| wish.cost(it.self_motion.as_ref().map_or(&it.row, |(_, row)| row), class);
         let mut best: Vec<Advised> = found.collect();
         best.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
-        Ok(Advice {
-            column: self.columns[wish.column].name.clone(),
-            maximise: wish.maximise,
-            fulfil: sorted.len() as u64,
-            spread,
-            best,
-        })
+        Ok(Advice { column: self.columns[wish.column].name.clone(), maximise: wish.maximise, fulfil, spread, best })
     }
 
     fn class_column(&self) -> usize {

@@ -16,7 +16,7 @@ use std::sync::{Mutex, PoisonError};
 /// A table of cycles. A row is a function of its number: it is cycle number `skip + number % keep` at the value number `number / keep` of the
 /// parameter. After a cycle that does not return to the section, the rows of this value have no state.
 pub struct Cycles<'p> {
-    problem: &'p Problem,
+    pub(super) problem: &'p Problem,
     columns: Vec<Column>,
     values: u64,
     skip: u64,
@@ -141,11 +141,6 @@ impl Cycles<'_> {
             .zip(numbers)
             .map(|(row, number)| [self.value(row / self.keep), f64::from_bits(number.load(Ordering::Relaxed))]);
         Some(self.dots(&self.columns[*column], &points.collect::<Vec<_>>()))
-    }
-
-    /// Name of the parameter.
-    pub(super) fn parameter_name(&self) -> &str {
-        self.problem.parameter_name()
     }
 
     /// The number of values at which a cycle that was computed did not return, and the first of these values with the reason.

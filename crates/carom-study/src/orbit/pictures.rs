@@ -216,7 +216,7 @@ impl Cycles<'_> {
             [from, to].map(|place| [x, window[1][0] + place as f64 * height]).to_vec()
         };
         let pieces: Vec<Vec<[f64; 2]>> = pieces.into_iter().map(line).collect();
-        let name = self.parameter_name().to_owned();
+        let name = self.problem.parameter_name().to_owned();
         Diagram {
             title: format!("Cycles over {name}"),
             axes: [name, label(column)],

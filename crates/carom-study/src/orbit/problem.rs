@@ -3,7 +3,7 @@
 use super::{Orbit, OrbitError, State};
 use crate::map_study::Axis;
 use crate::numbered::checksums;
-use crate::problem_file::{Formulas, evaluated};
+use crate::problem_file::{Formulas, difference, evaluated};
 use carom_sim::{Formula, LinearFunction, Oscillation, Parameter, Plan, Scene, Simulation, SurfaceMotion};
 use std::f64::consts::TAU;
 use std::path::PathBuf;
@@ -288,9 +288,7 @@ impl Problem {
         let vary = self.vary.clone()?;
         let (scene, tolerance) = (self.scene.clone(), self.tolerance);
         let scale = value.abs().max(1e-3 * (vary.to - vary.from).abs());
-        // A central difference of fourth order.
-        let (h, at) = (1e-3 * scale, |x: f64| vary.period(x).unwrap_or(0.0));
-        let period = (8.0 * (at(value + h) - at(value - h)) - (at(value + 2.0 * h) - at(value - 2.0 * h))) / (12.0 * h);
+        let period = difference(scale, |by| Ok(vary.period(value + by).unwrap_or(0.0))).ok()?;
         let parameter = Parameter::try_new(vary.name.clone(), scale, move |simulation, delta| {
             let changed = scene.with_values(&vary.values(value + delta))?.plan()?.simulation;
             let Simulation { stop, max_events, start_time, .. } = simulation;
