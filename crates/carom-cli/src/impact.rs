@@ -3,7 +3,7 @@
 use crate::error::CliError;
 use crate::error::LineError;
 use crate::input::{JointOrder, LimitWarnings, RobotArgs, StateArgs, for_each_line, parse_range, parse_vector};
-use crate::law::{All, Branch, LawArgs};
+use crate::law::{All, Branch, LawArgs, print_refused};
 use crate::output::{row, say, short};
 use carom_chain::{Chain, ChainError, FramePoint, ToolMotion};
 use carom_impact::{CoefficientRanges, Law};
@@ -520,8 +520,6 @@ fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io:
             writeln!(out, "{:29}     to   {}", "", row(&pick(1)))?;
         }
     }
-    for refused in &all.refused {
-        writeln!(out, "{:16} not applicable: {}", refused.law, refused.reason)?;
-    }
+    print_refused(&all.refused, out)?;
     writeln!(out)
 }

@@ -159,6 +159,11 @@ pub struct State {
     pub qdd: Option<Vec<f64>>,
 }
 
+/// The name of a file in messages.
+pub fn name(path: &Path) -> String {
+    if path == Path::new("-") { "<stdin>".into() } else { path.display().to_string() }
+}
+
 /// Answers each JSON line of a file (`-` is standard input), in order; with standard input, flushes after each answer.
 ///
 /// # Errors
@@ -168,8 +173,7 @@ pub fn for_each_line<T: DeserializeOwned>(
     out: &mut dyn Write,
     mut answer: impl FnMut(T, &Place, &mut dyn Write) -> Result<(), Refused>,
 ) -> Result<(), CliError> {
-    let stdin = path == Path::new("-");
-    let file = if stdin { "<stdin>".to_owned() } else { path.display().to_string() };
+    let (stdin, file) = (path == Path::new("-"), name(path));
     let unreadable = |e| CliError::unreadable(&file, &e);
     let mut reader: Box<dyn BufRead> = if stdin {
         Box::new(io::stdin().lock())

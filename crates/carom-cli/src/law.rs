@@ -2,7 +2,7 @@
 
 use crate::error::{CliError, LineError, Refused};
 use crate::files::{self, Kind, Outputs};
-use crate::input::{check_coefficients, for_each_line, within};
+use crate::input::{check_coefficients, for_each_line, name, within};
 use crate::output::{answer, row, say, short, write_whole};
 use crate::record::{Record, record_diagrams};
 use carom_impact::{
@@ -92,6 +92,11 @@ pub struct All<A> {
 pub struct Refusal {
     pub law: &'static str,
     pub reason: String,
+}
+
+/// Prints the laws that have no solution, each on a line.
+pub fn print_refused(all: &[Refusal], out: &mut dyn Write) -> io::Result<()> {
+    all.iter().try_for_each(|one| writeln!(out, "{:16} not applicable: {}", one.law, one.reason))
 }
 
 impl<A> Default for All<A> {
@@ -260,8 +265,7 @@ impl LawCommand {
         if drawn {
             return Ok(());
         }
-        let file = if self.problems == Path::new("-") { "<stdin>".into() } else { self.problems.display().to_string() };
-        Err(CliError::Input(format!("{file}: it holds no problem to draw: give at least one line")))
+        Err(CliError::Input(format!("{}: it holds no problem to draw: give at least one line", name(&self.problems))))
     }
 }
 
@@ -287,11 +291,21 @@ impl Drawing {
 }
 
 impl Problem {
-    /// The problem of a size that has been checked.
+    /// The problem, whose u has D numbers.
     fn checked<const D: usize>(&self) -> Result<ImpactProblem<f64, D>, LineError> {
-        let delassus = SMatrix::<f64, D, D>::from_fn(|i, j| self.delassus[i][j]);
-        Ok(ImpactProblem::new(delassus, SVector::from_column_slice(&self.u))?)
+        Ok(ImpactProblem::new(square(&self.delassus, "u")?, SVector::from_column_slice(&self.u))?)
     }
+}
+
+/// The Delassus matrix of a line, beside the velocity called `of`.
+pub fn square<const D: usize>(rows: &[Vec<f64>], of: &str) -> Result<SMatrix<f64, D, D>, LineError> {
+    if rows.len() != D || rows.iter().any(|row| row.len() != D) {
+        let shape = rows.iter().map(|row| row.len().to_string()).collect::<Vec<_>>().join(", ");
+        return Err(LineError(format!(
+            "delassus has rows of {shape} numbers: {of} has {D}, so {D} rows of {D} are needed"
+        )));
+    }
+    Ok(SMatrix::from_fn(|i, j| rows[i][j]))
 }
 
 fn points<const D: usize>(all: &All<Answer>) -> Vec<LawPoint<D>> {
@@ -314,13 +328,6 @@ fn page(all: &All<Answer>) -> String {
 }
 
 fn resolve<const D: usize>(problem: &Problem, laws: &Named<D>) -> Result<All<Answer>, LineError> {
-    let rows = &problem.delassus;
-    if rows.len() != D || rows.iter().any(|row| row.len() != D) {
-        let shape = rows.iter().map(|row| row.len().to_string()).collect::<Vec<_>>().join(", ");
-        return Err(LineError(format!(
-            "delassus has rows of {shape} numbers: u has {D}, so {D} rows of {D} are needed"
-        )));
-    }
     let problem = problem.checked::<D>()?;
     let mut all = All::default();
     for (name, law) in laws {
@@ -385,8 +392,6 @@ fn for_people(all: &All<Answer>, out: &mut dyn Write) -> io::Result<()> {
             )?;
         }
     }
-    for refused in &all.refused {
-        writeln!(out, "{:16} not applicable: {}", refused.law, refused.reason)?;
-    }
+    print_refused(&all.refused, out)?;
     writeln!(out)
 }

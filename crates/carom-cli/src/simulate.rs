@@ -13,7 +13,8 @@ use crate::scene::load;
 use crate::sensitivity::{self, Sensitivity};
 use carom_impact::Mode;
 use carom_sim::{
-    EventLoads, Met, Moment, NamedEvent, NamedRun, RunError, Sampling, Seen, Statistics, Summary, ToAccuracy, UnderLaw,
+    EventLoads, Met, Moment, NamedEvent, NamedRun, RunError, Sampling, Scene, Seen, Statistics, Summary, ToAccuracy,
+    UnderLaw,
 };
 use carom_study::{
     Column, SCENE_KEY, Table, TableError, contact_columns, contact_row, error_columns, error_row, event_table,
@@ -23,9 +24,6 @@ use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-
-/// Sampling interval of tables and recordings if the scene names none, s: that of the paper.
-const SAMPLE: f64 = 0.004;
 
 /// Simulate a scene: motion, impacts, sliding and sticking contact of a robot
 ///
@@ -281,7 +279,7 @@ impl Simulate {
             Tables::begin(joint_loads.map(|path| printed.place(path)), &load_columns(&sim.chain), &scene.text)?;
         let mut recorder = begin_recording(&self.record, &scene, &plan)?;
         let sampled = [&states, &contacts].iter().any(|it| !it.tables.is_empty()) || recorder.is_some();
-        let every = sampled.then(|| scene.sample.unwrap_or(SAMPLE));
+        let every = sampled.then(|| scene.sample.unwrap_or(Scene::SAMPLE));
         let mut events = Vec::new();
         let sampling = Sampling { every, loads, ..Sampling::default() };
         let mut row = Vec::new();

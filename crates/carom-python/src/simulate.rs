@@ -14,9 +14,6 @@ use carom_study::{Ensemble, SCENE_KEY};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// Time between samples if neither the scene nor the call gives one, s: as on the command line.
-const SAMPLE: f64 = 0.004;
-
 #[pymethods]
 impl Scene {
     /// Simulates the scene from event to event. The GIL is released, except while a function in Python is called.
@@ -35,7 +32,7 @@ impl Scene {
     #[pyo3(signature = (*, sample=None, loads=false, error=false))]
     fn simulate(&self, py: Python<'_>, sample: Option<f64>, loads: bool, error: bool) -> PyResult<Run> {
         let (scene, plan) = self.planned(py)?;
-        let every = sample.or(self.scene.sample).unwrap_or(SAMPLE);
+        let every = sample.or(self.scene.sample).unwrap_or(carom_sim::Scene::SAMPLE);
         let sampling = Sampling { every: Some(every), dense: every > LOOK, loads };
         let rated = self.functions.controller.as_ref().and_then(|it| Some((it, it.rate()?)));
         if error {

@@ -1,5 +1,5 @@
-//! What the problem files of aims and of orbits have in common: the scene with other values of its keys, and formulas of its numbers, derivatives by
-//! differences.
+//! What the problem files of aims and of orbits have in common: the scene with other values of its keys, formulas of its numbers,
+//! and derivatives by differences.
 
 use carom_chain::input;
 use carom_sim::{Formula, Scene, SimError};

@@ -4,7 +4,7 @@ mod read;
 mod report;
 
 use crate::error::CliError;
-use crate::input::{LoadArgs, parse_vector, tell};
+use crate::input::{LoadArgs, name, parse_vector, tell};
 use crate::law::{Refusal, laws};
 use crate::output::{Bar, answer_about};
 use crate::tosses::start;
@@ -266,9 +266,10 @@ fn number(fit: &mut Fit, numbers: &[i64]) {
     }
 }
 
-/// The name of a file in messages.
-fn name(path: &Path) -> String {
-    if path == Path::new("-") { "<stdin>".into() } else { path.display().to_string() }
+/// The middle one of the numbers in ascending order, of an even number of them the greater of two; 0 without numbers.
+fn middle(mut numbers: Vec<f64>) -> f64 {
+    numbers.sort_by(f64::total_cmp);
+    numbers.get(numbers.len() / 2).copied().unwrap_or_default()
 }
 
 /// A progress bar of these.

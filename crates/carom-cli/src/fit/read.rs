@@ -1,12 +1,13 @@
 //! Recorded impacts from files and folders.
 
-use super::{AtRobot, FitCommand, Flights, name};
+use super::{AtRobot, FitCommand, Flights, middle};
 use crate::error::{CliError, LineError};
-use crate::input::{JointOrder, RobotArgs, for_each_line, shorten};
+use crate::input::{JointOrder, RobotArgs, for_each_line, name, shorten};
+use crate::law::square;
 use carom_chain::{Chain, FrameId, FramePoint};
 use carom_study::fit::{ChainJump, FitError, Flight, Joined, MeasuredImpact, join_flights, lowest_point, toss_flights};
 use carom_study::{Column, Tosses, state_columns};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use serde_json::value::RawValue;
@@ -199,8 +200,16 @@ impl AtRobot {
                     return Err(LineError("point belongs to q of a robot, not to delassus: leave it out".into()));
                 }
                 match before.len() {
-                    2 => MeasuredImpact::in_plane(square(&h)?, vector("u_minus", &before)?, vector("u_plus", &after)?),
-                    3 => MeasuredImpact::in_space(square(&h)?, vector("u_minus", &before)?, vector("u_plus", &after)?),
+                    2 => MeasuredImpact::in_plane(
+                        square(&h, "u_minus")?,
+                        vector("u_minus", &before)?,
+                        vector("u_plus", &after)?,
+                    ),
+                    3 => MeasuredImpact::in_space(
+                        square(&h, "u_minus")?,
+                        vector("u_minus", &before)?,
+                        vector("u_plus", &after)?,
+                    ),
                     n => {
                         return Err(LineError(format!(
                             "u_minus has {n} numbers: 2 in the plane (t, n) or 3 in space (t1, t2, n) are needed"
@@ -292,9 +301,7 @@ impl FitCommand {
                 Err(e) => told.left_out.push((number, e.to_string())),
             }
         }
-        let mut rests: Vec<f64> = joined.iter().map(|(_, one)| one.rest).collect();
-        rests.sort_by(f64::total_cmp);
-        let most = UNLIKE * rests.get(rests.len() / 2).copied().unwrap_or_default();
+        let most = UNLIKE * middle(joined.iter().map(|(_, one)| one.rest).collect());
         let mut impacts = Vec::new();
         for (number, one) in joined {
             if one.rest > most {
@@ -325,16 +332,6 @@ fn not_empty(path: &Path, found: usize) -> Result<(), CliError> {
         return Ok(());
     }
     Err(CliError::Input(format!("{}: it holds no impacts: give at least one", name(path))))
-}
-
-fn square<const D: usize>(rows: &[Vec<f64>]) -> Result<SMatrix<f64, D, D>, LineError> {
-    if rows.len() != D || rows.iter().any(|row| row.len() != D) {
-        let shape = rows.iter().map(|row| row.len().to_string()).collect::<Vec<_>>().join(", ");
-        return Err(LineError(format!(
-            "delassus has rows of {shape} numbers: u_minus has {D}, so {D} rows of {D} are needed"
-        )));
-    }
-    Ok(SMatrix::from_fn(|i, j| rows[i][j]))
 }
 
 fn vector<const D: usize>(what: &str, numbers: &[f64]) -> Result<SVector<f64, D>, LineError> {

@@ -1,7 +1,7 @@
 //! Output of a fit: all results as JSON, the main ones for people.
 
-use super::{FitCommand, Flights};
-use crate::law::Refusal;
+use super::{FitCommand, Flights, middle};
+use crate::law::{Refusal, print_refused};
 use crate::output::short;
 use carom_study::fit::{Coefficient, Fit, FittedTo, Loss, Misfit, Score};
 use serde::Serialize;
@@ -56,15 +56,10 @@ struct LeftOut<'a> {
 
 impl<'a> Report<'a> {
     pub fn new(fit: &'a Fit, told: &'a Flights, command: &'a FitCommand) -> Self {
-        let middle = |values: &[f64]| {
-            let mut sorted = values.to_vec();
-            sorted.sort_by(f64::total_cmp);
-            sorted.get(sorted.len() / 2).copied().unwrap_or_default()
-        };
         let flights = (!told.numbers.is_empty()).then(|| FlightsAnswer {
             joined: told.numbers.len(),
-            rest: middle(&told.rests),
-            deviation: middle(&told.deviations),
+            rest: middle(told.rests.clone()),
+            deviation: middle(told.deviations.clone()),
             outliers: told.outliers.iter().map(|&(number, time)| Outlier { number, time }).collect(),
             left_out: told.left_out.iter().map(|(number, reason)| LeftOut { number: *number, reason }).collect(),
         });
@@ -221,8 +216,5 @@ pub fn table(all: &All, out: &mut dyn Write) -> io::Result<()> {
             writeln!(out, "{:16} {cells} {:>12} {:>12}", fit.law, short(score.mean), short(score.median))?;
         }
     }
-    for refused in &all.refused {
-        writeln!(out, "{:16} not applicable: {}", refused.law, refused.reason)?;
-    }
-    Ok(())
+    print_refused(&all.refused, out)
 }

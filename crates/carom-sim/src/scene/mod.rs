@@ -100,6 +100,9 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Interval between the samples of tables and recordings where neither the file nor the caller gives one, s: that of Pagilla and Yu (2004).
+    pub const SAMPLE: f64 = 0.004;
+
     /// Reads a scene file, its robot and its meshes.
     ///
     /// # Errors
