@@ -18,7 +18,7 @@ use super::loss::Cost;
 use crate::tosses::{TossError, Tosses};
 use carom_chain::{Chain, FramePoint};
 use carom_contact::{Obstacle, gap, link_shapes};
-use carom_sim::{SimError, free_motion_at};
+use carom_sim::{Moment, SimError, free_motion_at};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Sampled poses of one free flight.
@@ -31,6 +31,12 @@ pub struct Flight {
 }
 
 impl Flight {
+    /// The poses of samples.
+    pub(crate) fn of(samples: &[Moment]) -> Self {
+        let (times, poses) = samples.iter().map(|sample| (sample.time, sample.q.clone())).unzip();
+        Self { times, poses }
+    }
+
     /// Removes the samples whose residual is above `greatest` and returns their times; none if fewer than `fewest` would remain.
     pub(super) fn leave_out(&mut self, misses: &[f64], greatest: f64, fewest: usize) -> Vec<f64> {
         if misses.iter().filter(|miss| **miss <= greatest).count() < fewest {
@@ -286,12 +292,9 @@ pub fn toss_flights(tosses: &Tosses) -> Result<Vec<(i64, Flight, Flight)>, TossE
         let Some(first) = lows.next() else { continue };
         let next = lows.next().unwrap_or(gaps.len());
         let (fewest, most) = SAMPLES;
-        let flight = |from: usize, to: usize| Flight {
-            times: toss.samples[from..to].iter().map(|sample| sample.time).collect(),
-            poses: toss.samples[from..to].iter().map(|sample| sample.q.clone()).collect(),
-        };
         let (before, after) = (first.min(most), next.saturating_sub(first + 1).min(most));
         if before >= fewest && after >= fewest {
+            let flight = |from: usize, to: usize| Flight::of(&toss.samples[from..to]);
             all.push((toss.number, flight(first - before, first), flight(first + 1, first + 1 + after)));
         }
     }

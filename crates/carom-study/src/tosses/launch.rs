@@ -94,11 +94,7 @@ impl Tosses {
 impl Launch {
     /// The samples of the flight before the first impact; empty without one.
     fn flight(&self, toss: &Toss) -> Flight {
-        let flight = &toss.samples[self.sample..self.impact.unwrap_or(self.sample)];
-        Flight {
-            times: flight.iter().map(|sample| sample.time).collect(),
-            poses: flight.iter().map(|sample| sample.q.clone()).collect(),
-        }
+        Flight::of(&toss.samples[self.sample..self.impact.unwrap_or(self.sample)])
     }
 
     /// The start for other inertias, places and friction of the joints: a fitted state is fitted again, to the same samples. A
