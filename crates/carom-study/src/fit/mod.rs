@@ -345,6 +345,22 @@ impl Model {
         at_bound.into_iter().chain(alike).chain(wide).collect()
     }
 
+    /// The result of a fit whose loss has this threshold.
+    fn fit(
+        &self,
+        to: FittedTo,
+        options: &FitOptions,
+        threshold: f64,
+        coefficients: Vec<Coefficient>,
+        (each, notes, trials): (Vec<Misfit>, Vec<String>, usize),
+    ) -> Fit {
+        let of = |trained: bool| Score::of(each.iter().filter(|one| one.trained == trained), to);
+        let Some(train) = of(true) else { unreachable!("the split has measurements to fit") };
+        let (law, loss, test) = (self.law.into(), options.loss, of(false));
+        let threshold = threshold.is_finite().then_some(threshold);
+        Fit { to, law, loss, threshold, coefficients, train, test, notes, trials, each }
+    }
+
     /// The coefficients of the law.
     fn law(&self, x: &[f64]) -> Coefficients {
         Coefficients { restitution: x[0], friction: self.get(x, FRICTION).unwrap_or(0.0), ..Coefficients::default() }

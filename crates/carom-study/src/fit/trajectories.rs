@@ -9,7 +9,7 @@ use super::confidence::{percentiles, resample};
 use super::error::FitError;
 use super::loss::{Cost, Loss, median};
 use super::search::Region;
-use super::{Coefficient, Fit, FitOptions, FittedTo, INERTIA, Interval, Misfit, Model, Score};
+use super::{Coefficient, Fit, FitOptions, FittedTo, INERTIA, Interval, Misfit, Model};
 use crate::tosses::{Horizon, Launch, RollOut, RollOutOptions, Scene, Start, TossError, Tosses};
 use carom_sim::{ContactLaw, ContactRule};
 use rayon::prelude::*;
@@ -159,9 +159,6 @@ impl Work<'_> {
                 least_in_cone: None,
             })
             .collect();
-        let of = |trained| Score::of(each.iter().filter(move |one| one.trained == trained), FittedTo::Trajectories);
-        let Some(train) = of(true) else { unreachable!("the split has tosses to fit") };
-        let test = of(false);
         let trials = self.trials.borrow();
         let mut notes = vec![
             "fitted to trajectories of whole tosses: a fit to velocities of single impacts gives different coefficients"
@@ -177,18 +174,8 @@ impl Work<'_> {
         }
         let coefficients = intervals(&trials, &x, cost, &self.model, options, &mut notes);
         progress(total, total);
-        Ok(Fit {
-            to: FittedTo::Trajectories,
-            law: self.model.law.into(),
-            loss: options.loss,
-            threshold: cost.threshold.is_finite().then_some(cost.threshold * cost.threshold),
-            coefficients,
-            train,
-            test,
-            notes,
-            trials: trials.len(),
-            each,
-        })
+        let (threshold, found) = (cost.threshold.powi(2), (each, notes, trials.len()));
+        Ok(self.model.fit(FittedTo::Trajectories, options, threshold, coefficients, found))
     }
 }
 

@@ -5,7 +5,7 @@ use super::error::FitError;
 use super::jumps::{LawPair, MeasuredImpact};
 use super::loss::{Cost, Loss, median};
 use super::search::Region;
-use super::{Coefficient, FRICTION, Fit, FitOptions, FittedTo, INERTIA, Interval, Misfit, Model, Score};
+use super::{Coefficient, FRICTION, Fit, FitOptions, FittedTo, INERTIA, Interval, Misfit, Model};
 use carom_chain::Chain;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -142,22 +142,9 @@ impl Work<'_> {
         let coefficients = self.coefficients(&region, &x, value, cost, &residuals, options, &mut notes)?;
         progress(total - 1, total);
         let each = self.each(&x)?;
-        let of = |trained: bool| Score::of(each.iter().filter(move |one| one.trained == trained), FittedTo::Velocities);
-        let Some(train) = of(true) else { unreachable!("the split has impacts to fit") };
-        let test = of(false);
         progress(total, total);
-        Ok(Fit {
-            to: FittedTo::Velocities,
-            law: self.model.law.into(),
-            loss: options.loss,
-            threshold: cost.threshold.is_finite().then_some(cost.threshold),
-            coefficients,
-            train,
-            test,
-            notes,
-            trials: self.trials.load(Ordering::Relaxed),
-            each,
-        })
+        let found = (each, notes, self.trials.load(Ordering::Relaxed));
+        Ok(self.model.fit(FittedTo::Velocities, options, cost.threshold, coefficients, found))
     }
 
     /// Errors of all impacts at the fitted coefficients.
