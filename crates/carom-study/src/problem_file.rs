@@ -1,17 +1,27 @@
-//! What the problem files of aims and of orbits have in common: the scene with other values of its keys, formulas of its numbers,
+//! What the files of studies have in common; of the problem files of aims and of orbits: the scene with other values of its keys, formulas of its numbers,
 //! and derivatives by differences.
 
 use carom_chain::input;
 use carom_sim::{Formula, Scene, SimError};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Numbers of the scene as functions of names: the path of a key, and its formula.
 pub(crate) type Formulas = Vec<(String, Formula)>;
 
-/// The text of a problem file, or why it cannot be read.
-pub(crate) fn text(path: &Path) -> Result<String, String> {
-    input::read_text(path, input::MOST_MIB).map_err(|e| format!("cannot be read: {e}"))
+/// What `read` makes of a file, of its text, name and folder, with the file before the other `files`; `refuse` takes its name and a rule.
+pub(crate) fn read<T, E>(
+    path: &Path,
+    refuse: fn(String, String) -> E,
+    read: fn(&str, String, &Path) -> Result<T, E>,
+    files: fn(&mut T) -> &mut Vec<PathBuf>,
+) -> Result<T, E> {
+    let name = path.display().to_string();
+    let text = input::read_text(path, input::MOST_MIB);
+    let text = text.map_err(|e| refuse(name.clone(), format!("cannot be read: {e}")))?;
+    let mut found = read(&text, name, path.parent().unwrap_or(Path::new(".")))?;
+    files(&mut found).insert(0, path.to_owned());
+    Ok(found)
 }
 
 /// Keys of scenes that no problem reads.

@@ -138,12 +138,7 @@ impl Problem {
     /// # Errors
     /// [`AimError::File`] with key, value and rule; [`AimError::Run`] for an invalid scene.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, AimError> {
-        let path = path.as_ref();
-        let name = path.display().to_string();
-        let text = problem_file::text(path).map_err(|rule| AimError::File { file: name.clone(), rule })?;
-        let mut problem = Self::read(&text, name, path.parent().unwrap_or(Path::new(".")))?;
-        problem.files.insert(0, path.to_owned());
-        Ok(problem)
+        problem_file::read(path.as_ref(), |file, rule| AimError::File { file, rule }, Self::read, |it| &mut it.files)
     }
 
     /// Reads a problem from the text of a problem file. File names in it are relative to `folder`.

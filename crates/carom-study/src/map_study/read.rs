@@ -10,6 +10,7 @@ use super::reach::{About, Reach};
 use super::surface::{Normal, normals, surface_in_plane, surface_in_space};
 use super::{Study, StudyError};
 use crate::Column;
+use crate::problem_file;
 use carom_chain::algebra::Algebra;
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
 use carom_chain::{Chain, ChainError, Coordinates, FrameId, FramePoint, JointInfo, Point, ToolMotion, input};
@@ -24,13 +25,7 @@ impl Study {
     /// # Errors
     /// [`StudyError::File`] with key, value and rule; [`StudyError::Robot`] for an invalid URDF.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, StudyError> {
-        let path = path.as_ref();
-        let name = path.display().to_string();
-        let text = input::read_text(path, input::MOST_MIB)
-            .map_err(|e| StudyError::File { file: name.clone(), rule: format!("cannot be read: {e}") })?;
-        let mut study = Self::read(text, name, path.parent().unwrap_or(Path::new(".")))?;
-        study.files.insert(0, path.to_owned());
-        Ok(study)
+        problem_file::read(path.as_ref(), |file, rule| StudyError::File { file, rule }, Self::read, |it| &mut it.files)
     }
 
     /// Reads a study from the text of a study file. File names in it are relative to `folder`.
@@ -38,12 +33,12 @@ impl Study {
     /// # Errors
     /// As [`Study::from_file`]; the file of the messages is `<study>`.
     pub fn from_toml(text: &str, folder: impl AsRef<Path>) -> Result<Self, StudyError> {
-        Self::read(text.to_owned(), "<study>".into(), folder.as_ref())
+        Self::read(text, "<study>".into(), folder.as_ref())
     }
 
-    fn read(text: String, name: String, folder: &Path) -> Result<Self, StudyError> {
+    fn read(text: &str, name: String, folder: &Path) -> Result<Self, StudyError> {
         let refuse = |rule: String| StudyError::File { file: name.clone(), rule };
-        let file: File = carom_sim::from_toml(&text).map_err(refuse)?;
+        let file: File = carom_sim::from_toml(text).map_err(refuse)?;
         let (urdf, options) = file.robot.0.0.options(folder).map_err(|why| refuse(format!("[robot] {why}")))?;
         let options = LoadOptions { meshes: Meshes::Ignored, ..options }; // collision shapes are not used
         let chain = Chain::from_urdf_file_with(&urdf, &options).map_err(|e| match key_of(&e, &options) {
@@ -58,6 +53,7 @@ impl Study {
         let rows = total(engine.axes())
             .ok_or_else(|| refuse("the map has 2⁶⁴ rows or more: give the axes fewer values".into()))?;
         let wish = file.advise.as_ref().map(|advise| wish(advise, &columns)).transpose().map_err(refuse)?;
+        let text = text.to_owned();
         Ok(Self { file: name.clone(), text, urdf, wish, chain, engine, rows, columns, files, warnings })
     }
 }

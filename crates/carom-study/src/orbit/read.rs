@@ -82,12 +82,7 @@ impl Problem {
     /// # Errors
     /// [`OrbitError::File`] with key, value and rule; [`OrbitError::Run`] for an invalid scene.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, OrbitError> {
-        let path = path.as_ref();
-        let name = path.display().to_string();
-        let text = problem_file::text(path).map_err(|rule| OrbitError::File { file: name.clone(), rule })?;
-        let mut problem = Self::read(&text, name, path.parent().unwrap_or(Path::new(".")))?;
-        problem.files.insert(0, path.to_owned());
-        Ok(problem)
+        problem_file::read(path.as_ref(), |file, rule| OrbitError::File { file, rule }, Self::read, |it| &mut it.files)
     }
 
     /// Reads a problem from the text of a problem file. File names in it are relative to `folder`.
