@@ -12,7 +12,7 @@
 use super::candidates::Effect;
 use super::impact::Impact;
 use super::landings::{self, Landings};
-use super::planar::{GRAVITY, PlanarImpact, Sequel, lowest_corner};
+use super::planar::{GRAVITY, PlanarImpact, SIDE, Sequel, lowest_corner};
 use crate::{EvidenceError, halved};
 use carom_chain::urdf::{self, LoadOptions, Robot};
 use carom_study::fit::{FitError, MeasuredImpact};
@@ -234,9 +234,7 @@ fn of(row: &HashMap<&str, f64>, names: [&str; 3]) -> Vector3<f64> {
 
 /// Mass (kg) and moment of inertia (kg m²) of the ellipse.
 const ELLIPSE_BODY: (f64, f64) = (0.0364, 1.3468e-5);
-/// Side of the square, m.
-const SIDE: f64 = 0.06;
-/// Its moment of inertia is m a²/6; its mass does not matter.
+/// Of the square. Its moment of inertia is m a²/6; its mass does not matter.
 const SQUARE_BODY: (f64, f64) = (1.0, SIDE * SIDE / 6.0);
 /// Height of the floor of the drops, m: the median height of the centre at rest less half the side.
 const FLOOR: f64 = 0.0014;
@@ -264,7 +262,7 @@ fn passive((mass, inertia): (f64, f64), before: Vector3<f64>, after: Vector3<f64
 fn struck_square(pose: Vector3<f64>, before: Vector3<f64>, after: Vector3<f64>, count: f64) -> Option<PlanarImpact> {
     let at = |t: f64| {
         let (z, angle) = (pose.y + before.y * t - 0.5 * GRAVITY * t * t, pose.z + before.z * t);
-        let corner = lowest_corner(SIDE, angle);
+        let corner = lowest_corner(angle);
         (z + corner.y - FLOOR, angle, corner)
     };
     // the corner falls at 1 to 3 m/s: the touching instant is within 20 ms, else at the time of the table
@@ -281,7 +279,7 @@ fn struck_square(pose: Vector3<f64>, before: Vector3<f64>, after: Vector3<f64>, 
     let (before, after) = (before + fallen, after + fallen);
     let rows = [Vector3::new(1.0, 0.0, -corner.y), Vector3::new(0.0, 1.0, corner.x)];
     let samples = (0..count.clamp(2.0, SAMPLES) as usize).map(|k| (FIRST + k as f64) * SAMPLE - time).collect();
-    let sequel = Some(Sequel { side: SIDE, angle, samples });
+    let sequel = Some(Sequel { angle, samples });
     passive(SQUARE_BODY, before, after).then_some(PlanarImpact { body: SQUARE_BODY, rows, before, after, sequel })
 }
 
@@ -293,7 +291,7 @@ mod tests {
     #[test]
     fn the_touching_instant_does_not_depend_on_the_time_of_the_states() {
         let (velocity, after) = (Vector3::new(0.3, -2.0, 1.5), Vector3::new(0.1, 0.8, -9.0));
-        let corner = lowest_corner(SIDE, 0.6);
+        let corner = lowest_corner(0.6);
         let touching = Vector3::new(0.1, FLOOR - corner.y, 0.6);
         let rows = [Vector3::new(1.0, 0.0, -corner.y), Vector3::new(0.0, 1.0, corner.x)];
         let truth = carom_study::fit::MeasuredImpact::of_planar_body(SQUARE_BODY, rows, velocity, after).unwrap();

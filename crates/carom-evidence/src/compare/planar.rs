@@ -26,14 +26,14 @@ pub(super) struct PlanarImpact {
 /// straight lines through the samples, z with gravity.
 #[derive(Debug, Clone)]
 pub(super) struct Sequel {
-    /// Length of a side, m.
-    pub side: f64,
     /// Angle of the square; it turns x towards z.
     pub angle: f64,
     /// Times of the samples after the touching instant, ascending, s.
     pub samples: Vec<f64>,
 }
 
+/// Side of the square, m.
+pub(super) const SIDE: f64 = 0.06;
 /// Gravity of the drops, m/s².
 pub(super) const GRAVITY: f64 = 9.81;
 /// Spacing at which gaps are checked, s: at 3 m/s a corner moves 0.6 mm.
@@ -101,7 +101,7 @@ impl Sequel {
         v: Vector3<f64>,
         strike: impl Fn([Vector3<f64>; 2], Vector3<f64>) -> Option<Vector3<f64>>,
     ) -> Vector3<f64> {
-        let mut flight = Falling { side: self.side, time: 0.0, pose: Vector3::new(0.0, 0.0, self.angle), v };
+        let mut flight = Falling { time: 0.0, pose: Vector3::new(0.0, 0.0, self.angle), v };
         flight.pose.y = -flight.corners(0.0)[flight.lowest(0.0)].y;
         let (mut seen, mut impacts) = (Vec::new(), 0);
         for &sample in &self.samples {
@@ -128,7 +128,6 @@ fn slope(times: &[f64], points: &[Vector3<f64>]) -> Vector3<f64> {
 
 /// A square in free fall over the floor z = 0.
 struct Falling {
-    side: f64,
     /// Time, pose of the centre (x, z, angle), and velocity, after the last impact.
     time: f64,
     pose: Vector3<f64>,
@@ -143,7 +142,7 @@ impl Falling {
 
     fn corners(&self, time: f64) -> [Vector2<f64>; 4] {
         let pose = self.at(time);
-        corners(self.side, pose.z).map(|corner| pose.xy() + corner)
+        corners(pose.z).map(|corner| pose.xy() + corner)
     }
 
     fn lowest(&self, time: f64) -> usize {
@@ -177,14 +176,14 @@ impl Falling {
 const TOUCHING: f64 = 1e-9;
 
 /// The corners of a square from its centre; `angle` turns x towards z.
-fn corners(side: f64, angle: f64) -> [Vector2<f64>; 4] {
-    let reach = side * FRAC_1_SQRT_2;
+fn corners(angle: f64) -> [Vector2<f64>; 4] {
+    let reach = SIDE * FRAC_1_SQRT_2;
     [0.0, 1.0, 2.0, 3.0].map(|k| angle + FRAC_PI_4 + FRAC_PI_2 * k).map(|a| Vector2::new(a.cos(), a.sin()) * reach)
 }
 
 /// The corner that is lowest, from the centre.
-pub(super) fn lowest_corner(side: f64, angle: f64) -> Vector2<f64> {
-    corners(side, angle).into_iter().min_by(|a, b| a.y.total_cmp(&b.y)).unwrap_or_default()
+pub(super) fn lowest_corner(angle: f64) -> Vector2<f64> {
+    corners(angle).into_iter().min_by(|a, b| a.y.total_cmp(&b.y)).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -192,10 +191,8 @@ mod tests {
     use super::*;
     use carom_impact::{Frictionless, Law};
 
-    const SIDE: f64 = 0.06;
-
     fn sequel(samples: &[f64]) -> Sequel {
-        Sequel { side: SIDE, angle: 0.4, samples: samples.to_vec() }
+        Sequel { angle: 0.4, samples: samples.to_vec() }
     }
 
     /// A lossless impact without friction of a square of mass 1.
@@ -230,9 +227,9 @@ mod tests {
         assert!(strikes.get() >= 1, "a corner strikes");
         assert!((seen.x - v.x).abs() < 1e-9, "{seen}");
         // two samples 1 ms apart, after all strikes, give the velocity between them: the energy is that of the launch
-        let corner = lowest_corner(SIDE, 0.4);
+        let corner = lowest_corner(0.4);
         let energy = |v: Vector3<f64>| 0.5 * (v.xy().norm_squared() + SIDE * SIDE / 6.0 * v.z * v.z);
-        let mut flight = Falling { side: SIDE, time: 0.0, pose: Vector3::new(0.0, -corner.y, 0.4), v };
+        let mut flight = Falling { time: 0.0, pose: Vector3::new(0.0, -corner.y, 0.4), v };
         while let Some((time, corner)) = flight.next_strike(0.03) {
             flight.advance(time);
             let at = flight.corners(time)[corner] - flight.pose.xy();
@@ -246,6 +243,6 @@ mod tests {
 
     /// Height of the lowest corner over the centre.
     fn corner_height(angle: f64) -> f64 {
-        lowest_corner(SIDE, angle).y
+        lowest_corner(angle).y
     }
 }
