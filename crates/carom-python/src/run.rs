@@ -164,7 +164,7 @@ pub fn contact_table<'a>(sim: &Simulation, told: impl Iterator<Item = (f64, &'a 
 
 getters! { Run, self, py {
     /// The simulated robot.
-    chain: Chain = Chain::new(self.plan.simulation.chain.clone(), Origin::Of(Arc::new(Planned(self.scene.again()))));
+    chain: Chain = Chain::new(self.plan.simulation.chain.clone(), Origin::Of(Arc::new(Planned(self.scene.clone()))));
     /// Times of the samples, shape (S,), s. At the time of an event the sample is the state before it.
     time: Array<'py> = list(py, &self.moments().map(|moment| moment.time).collect::<Vec<_>>())?;
     /// Configurations at the samples, shape (S, nq); rad, m, quaternions.

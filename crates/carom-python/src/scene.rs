@@ -22,6 +22,7 @@ use std::sync::Arc;
 ///
 /// Make one with `Scene.from_file`, `Scene.from_toml` or `Scene.from_dict`; the page "Scene keys" of the manual lists the keys.
 #[pyclass(frozen, module = "carom")]
+#[derive(Clone)]
 pub struct Scene {
     pub scene: Arc<carom_sim::Scene>,
     /// What acts beside the keys.
@@ -192,7 +193,7 @@ impl Scene {
         if self.functions.is_empty() {
             return Ok(keyed);
         }
-        let (before, after) = (of_keys(&written(&self.keys()?)?)?, keyed.again().with_functions(py, &self.functions)?);
+        let (before, after) = (of_keys(&written(&self.keys()?)?)?, keyed.clone().with_functions(py, &self.functions)?);
         let [was, is, acts] = [&before, &keyed, &after].map(|it| &it.scene.simulation);
         let laws = was.touches.iter().zip(&is.touches).zip(&acts.touches);
         let mut hidden = laws.filter(|((was, is), acts)| {
@@ -248,11 +249,11 @@ impl Scene {
     }
 
     fn other(&self, scene: carom_sim::Scene) -> Self {
-        Self { scene: Arc::new(scene), ..self.again() }
+        Self { scene: Arc::new(scene), ..self.clone() }
     }
 
     fn own_chain(&self) -> Chain {
-        Chain::new(self.scene.simulation.chain.clone(), Origin::Of(Arc::new(self.again())))
+        Chain::new(self.scene.simulation.chain.clone(), Origin::Of(Arc::new(self.clone())))
     }
 
     /// The scene with the tolerance that meets its accuracy, and its plan.
@@ -262,7 +263,7 @@ impl Scene {
     pub fn planned(&self, py: Python<'_>) -> PyResult<(Self, Plan)> {
         if self.scene.accuracy.is_none() {
             let plan = py.detach(|| self.scene.plan());
-            return Ok((self.again(), self.functions.pass(plan)?));
+            return Ok((self.clone(), self.functions.pass(plan)?));
         }
         if self.functions.rate().is_some() {
             return Err(PyValueError::new_err(
@@ -277,12 +278,6 @@ impl Scene {
         let ToAccuracy { mut scene, mut plan, .. } = self.functions.pass(met)?;
         (scene.simulation.stop, plan.simulation.stop) = (None, None);
         Ok((self.other(scene), plan))
-    }
-
-    /// The same scene.
-    pub fn again(&self) -> Self {
-        let Self { scene, functions, sources, changed } = self;
-        Self { scene: scene.clone(), functions: functions.clone(), sources: sources.clone(), changed: *changed }
     }
 }
 

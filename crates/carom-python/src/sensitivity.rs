@@ -65,7 +65,7 @@ pub fn chosen(py: Python<'_>, scene: &Scene, plan: &Plan, wrt: Option<Vec<String
 /// The number at the path of a key as a parameter, of the scene with its functions.
 fn of_key(py: Python<'_>, scene: &Scene, path: &str) -> PyResult<Parameter> {
     scene.with_number(py, path, 0.0)?;
-    let own = scene.again();
+    let own = scene.clone();
     let with_number = move |_: &carom_sim::Scene, path: &str, change: f64| {
         let refused = |rule: String| SimError::Scene { file: path.to_owned(), rule };
         let changed = Python::try_attach(|py| {

@@ -26,7 +26,7 @@ pub struct Session {
 
 impl Session {
     pub fn new(session: carom_sim::Session, scene: &Scene, functions: Functions) -> Self {
-        let chain = Chain::new(session.chain().clone(), Origin::Of(Arc::new(Planned(scene.again()))));
+        let chain = Chain::new(session.chain().clone(), Origin::Of(Arc::new(Planned(scene.clone()))));
         Self { session, chain, functions }
     }
 

@@ -25,6 +25,7 @@ use std::sync::atomic::Ordering;
 /// Make one with `Study.from_file`, `Study.from_toml` or `Study.from_dict`; the page "Study keys" of the manual lists the keys, the
 /// columns and the classes.
 #[pyclass(frozen, module = "carom")]
+#[derive(Clone)]
 pub struct Study {
     study: Arc<carom_study::map_study::Study>,
     sources: Arc<Sources>,
@@ -62,15 +63,10 @@ impl Study {
         Ok(Self { study: Arc::new(study), sources: Arc::new(sources) })
     }
 
-    /// The same study.
-    fn again(&self) -> Self {
-        Self { study: self.study.clone(), sources: self.sources.clone() }
-    }
-
     /// The study in a file or a dict.
     fn read(py: Python<'_>, given: &Bound<'_, PyAny>, folder: PathBuf) -> PyResult<Self> {
         if let Ok(study) = given.cast::<Self>() {
-            return Ok(study.get().again());
+            return Ok(study.get().clone());
         }
         if given.is_instance_of::<PyMapping>() {
             return Self::from_dict(py, given, folder);
@@ -105,7 +101,7 @@ getters! { Study, self, py {
     /// Units of the columns: a dict; empty texts for words and dimensionless numbers.
     units: BTreeMap<&str, &str> = names(&self.study).into_iter().map(|name| (name, self.study.unit(name))).collect();
     /// The robot.
-    chain: Chain = Chain::new(self.study.chain().clone(), Origin::Of(Arc::new(self.again())));
+    chain: Chain = Chain::new(self.study.chain().clone(), Origin::Of(Arc::new(self.clone())));
     /// Warnings, one sentence each.
     warnings: Vec<String> = self.study.warnings.clone();
 } }
