@@ -181,6 +181,12 @@ impl<A: Algebra> Chain<A> {
         })
     }
 
+    /// The joints with coordinates of their own, which are neither fixed nor mimic joints, in the order of q.
+    #[doc(hidden)]
+    pub fn moving_joints(&self) -> impl Iterator<Item = &JointInfo> {
+        self.about.joints.iter().filter(|joint| matches!(joint.coordinates, Coordinates::Own { .. }))
+    }
+
     /// The coordinate with which a joint moves, its own or that of the joint which it mimics; `None` for fixed joints and for those with
     /// several coordinates.
     #[doc(hidden)]
@@ -385,8 +391,7 @@ impl<A: Algebra> Chain<A> {
     #[cold]
     #[inline(never)]
     fn wrong_length(&self, what: &'static str, got: usize, expected: usize, note: &str) -> ChainError {
-        let own = self.about.joints.iter().filter(|j| matches!(j.coordinates, Coordinates::Own { .. }));
-        let names: Vec<&str> = own.map(|j| j.name.as_str()).collect();
+        let names: Vec<&str> = self.moving_joints().map(|j| j.name.as_str()).collect();
         let layout = match names.as_slice() {
             [first @ .., last] if first.len() > 20 => format!("{}, …, {last}{note}", first[..20].join(", ")),
             names => format!("{}{note}", names.join(", ")),

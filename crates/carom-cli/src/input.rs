@@ -256,8 +256,7 @@ impl JointOrder {
     /// # Errors
     /// [`CliError::Input`] if a name is unknown, fixed, a mimic joint or repeated, or if a moving joint is missing.
     pub fn new(chain: &Chain, urdf: &Path, list: Option<&[String]>) -> Result<Self, CliError> {
-        let own: Vec<&JointInfo> =
-            chain.joints().iter().filter(|j| matches!(j.coordinates, Coordinates::Own { .. })).collect();
+        let own: Vec<&JointInfo> = chain.moving_joints().collect();
         let refuse = |why: String| CliError::Input(format!("{}: --joints: {why}", urdf.display()));
         let ordered = match list {
             None => own,

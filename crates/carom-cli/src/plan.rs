@@ -44,8 +44,7 @@ impl<'a> Account<'a> {
 
 /// Names of the joints whose coordinates are in q and qd of a plan.
 pub fn moving_joints(plan: &Plan) -> Vec<&str> {
-    let own = |joint: &&carom_chain::JointInfo| matches!(joint.coordinates, carom_chain::Coordinates::Own { .. });
-    plan.simulation.chain.joints().iter().filter(own).map(|joint| joint.name.as_str()).collect()
+    plan.simulation.chain.moving_joints().map(|joint| joint.name.as_str()).collect()
 }
 
 impl PlanCommand {

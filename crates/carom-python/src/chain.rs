@@ -147,17 +147,13 @@ impl Chain {
 
     /// Names of the joints with entries in q and qd.
     pub fn joint_names(&self) -> Vec<&str> {
-        self.moving().map(|joint| joint.name.as_str()).collect()
-    }
-
-    fn moving(&self) -> impl Iterator<Item = &carom_chain::JointInfo> {
-        self.chain.joints().iter().filter(|joint| matches!(joint.coordinates, Coordinates::Own { .. }))
+        self.chain.moving_joints().map(|joint| joint.name.as_str()).collect()
     }
 
     /// One number for each entry of qd, of the joints of one degree of freedom; `other` for the others.
     fn limit(&self, of: impl Fn(&carom_chain::JointInfo) -> Option<f64>, other: f64) -> Vec<f64> {
         let mut limits = vec![other; self.chain.nv()];
-        for joint in self.moving() {
+        for joint in self.chain.moving_joints() {
             if let Coordinates::Own { v, .. } = &joint.coordinates
                 && v.len() == 1
             {
@@ -426,7 +422,7 @@ impl Chain {
         let within = |share: f64, lower: f64, upper: f64| lower + share * (upper - lower);
         for (k, row) in out.chunks_exact_mut(nq.max(1)).enumerate() {
             let (uniform, normal) = (&uniform.slice()[k * nq..], &normal.slice()[k * nq..]);
-            for joint in self.moving() {
+            for joint in self.chain.moving_joints() {
                 let Coordinates::Own { q, .. } = &joint.coordinates else { continue };
                 let half = if matches!(joint.kind, JointType::Prismatic) { 1.0 } else { std::f64::consts::PI };
                 let ends = match self.chain.limits_of(q.start) {

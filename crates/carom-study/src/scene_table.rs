@@ -26,8 +26,7 @@ fn units(kind: JointType) -> (&'static [&'static str], &'static [&'static str]) 
 
 /// Columns `head.JOINT`, or `head.JOINT.K` for a joint of several coordinates: of q (`positions`), or of qd.
 pub fn coordinate_columns(chain: &Chain, head: &str, positions: bool) -> Vec<Column> {
-    let own = chain.joints().iter().filter(|joint| matches!(joint.coordinates, Coordinates::Own { .. }));
-    let units = own.flat_map(|joint| {
+    let units = chain.moving_joints().flat_map(|joint| {
         let (q, qd) = units(joint.kind);
         if positions { q } else { qd }
     });

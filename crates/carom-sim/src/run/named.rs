@@ -6,7 +6,6 @@ use crate::impact::ChainImpact;
 use crate::model::Simulation;
 use crate::motion::ContactState;
 use crate::state::{ContactImpulse, Moment};
-use carom_chain::Coordinates;
 use serde::Serialize;
 
 /// What happens at a contact, with the contact's name.
@@ -157,10 +156,9 @@ pub struct NamedEnd<'a> {
 impl Summary {
     /// The run of this simulation with its events and with names.
     pub fn named<'a>(&'a self, sim: &'a Simulation, events: &'a [Event]) -> NamedRun<'a> {
-        let own = |joint: &&carom_chain::JointInfo| matches!(joint.coordinates, Coordinates::Own { .. });
         let contacts = self.contacts.iter().map(|state| state.named(&sim.touches)).collect();
         NamedRun {
-            joints: sim.chain.joints().iter().filter(own).map(|joint| joint.name.as_str()).collect(),
+            joints: sim.chain.moving_joints().map(|joint| joint.name.as_str()).collect(),
             stop_reason: self.stop,
             mode: self.mode,
             events: events.iter().map(|event| event.named(&sim.touches)).collect(),

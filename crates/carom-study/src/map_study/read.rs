@@ -103,7 +103,8 @@ impl Reading<'_> {
                 load.tip
             ));
         }
-        if let Some(joint) = own(chain).find(|joint| matches!(joint.kind, JointType::Planar | JointType::Floating)) {
+        let wide = |joint: &&JointInfo| matches!(joint.kind, JointType::Planar | JointType::Floating);
+        if let Some(joint) = chain.moving_joints().find(wide) {
             return Err(format!(
                 "[robot] joint '{}' is {}: every joint of a study must be revolute, continuous or prismatic",
                 joint.name,
@@ -199,8 +200,8 @@ impl Reading<'_> {
         }
 
         let slides = |joint: &JointInfo| joint.kind == JointType::Prismatic;
-        let joints: Vec<_> =
-            own(self.chain).map(|joint| (joint.name.clone(), if slides(joint) { "m/s" } else { "rad/s" })).collect();
+        let named = |joint: &JointInfo| (joint.name.clone(), if slides(joint) { "m/s" } else { "rad/s" });
+        let joints: Vec<_> = self.chain.moving_joints().map(named).collect();
         let (limited, limits) = velocity_limits(self.chain);
         let quantities = self.quantities(&limited)?;
         let mut columns = Vec::new();
@@ -212,7 +213,7 @@ impl Reading<'_> {
             }
         }
         if sought {
-            columns.extend(own(self.chain).map(|joint| {
+            columns.extend(self.chain.moving_joints().map(|joint| {
                 Column::number(format!("q.{}", joint.name)).in_unit(if slides(joint) { "m" } else { "rad" })
             }));
         }
@@ -254,7 +255,8 @@ impl Reading<'_> {
                 }
             }
         }
-        own(self.chain)
+        self.chain
+            .moving_joints()
             .map(|joint| {
                 let name = &joint.name;
                 let values =
@@ -305,7 +307,7 @@ impl Reading<'_> {
             }
         }
         let (mut limits, mut hinges) = (Vec::new(), Vec::new());
-        for joint in own(self.chain) {
+        for joint in self.chain.moving_joints() {
             let unbounded = (f64::NEG_INFINITY, f64::INFINITY);
             limits.push(if self.has_limits() { range_of(self.chain, joint) } else { unbounded });
             hinges.push(joint.kind != JointType::Prismatic);
@@ -379,7 +381,7 @@ impl Reading<'_> {
 
     /// The inertia that locked joints add to M.
     fn added(&self) -> Result<Vec<f64>, String> {
-        let names: Vec<&str> = own(self.chain).map(|joint| joint.name.as_str()).collect();
+        let names: Vec<&str> = self.chain.moving_joints().map(|joint| joint.name.as_str()).collect();
         let locked = &self.file.impact.locked;
         if let Some(name) = locked.iter().find(|name| !names.contains(&name.as_str())) {
             return Err(format!("[impact] locked holds \"{name}\": {}", nearest(name, &names)));
@@ -456,11 +458,6 @@ fn key_of(error: &ChainError, options: &LoadOptions) -> Option<&'static str> {
         ChainError::OutOfRange { .. } => Some(""),
         _ => None,
     }
-}
-
-/// The joints with coordinates of their own (neither fixed nor mimic), in the order of q.
-fn own(chain: &Chain) -> impl Iterator<Item = &JointInfo> {
-    chain.joints().iter().filter(|joint| matches!(joint.coordinates, Coordinates::Own { .. }))
 }
 
 fn limits_of(joint: &JointInfo) -> (f64, f64) {
