@@ -14,7 +14,6 @@ pub use error::EvidenceError;
 pub mod chart;
 pub mod compare;
 pub mod consistency;
-mod drawing;
 mod line_chart;
 pub mod paper;
 pub mod stress;

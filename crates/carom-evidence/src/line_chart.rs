@@ -1,6 +1,6 @@
 //! Line charts as SVG, with the legend beside the plot.
 
-use crate::drawing::{Area, Drawn, picture};
+use carom_study::drawing::{Area, Drawn, picture};
 use plotters::prelude::*;
 
 /// Colours of the two elbows, and of further rows.

@@ -12,6 +12,8 @@
 
 pub mod aim;
 mod diagram;
+#[doc(hidden)] // for carom-evidence
+pub mod drawing;
 mod ensemble;
 mod feedback;
 pub mod fit;

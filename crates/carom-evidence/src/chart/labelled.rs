@@ -3,7 +3,7 @@
 use super::picture::{FLOOR, power};
 use super::{Run, from_csv};
 use crate::EvidenceError;
-use crate::drawing::{Area, Drawn, sure_picture};
+use carom_study::drawing::{Area, Drawn, sure_picture};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::path::Path;

@@ -2,7 +2,7 @@
 
 use super::stiffness::Stiffened;
 use super::{Chart, Run, StiffnessChart, knob_value};
-use crate::drawing::{Area, Drawn, sure_picture};
+use carom_study::drawing::{Area, Drawn, sure_picture};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 

@@ -3,8 +3,8 @@
 use super::comparison::Comparison;
 use super::page::{name, short};
 use crate::EvidenceError;
-use crate::drawing::{Area, Drawn, picture};
 use crate::line_chart::{COLOURS, GREY};
+use carom_study::drawing::{Area, Drawn, picture, round_step};
 use plotters::prelude::*;
 
 const WIDTH: u32 = 920;
@@ -92,9 +92,7 @@ fn panel(root: &Area, one: &Comparison, top: i32) -> Drawn {
 
 /// Round values in a range, with their labels.
 fn ticks(low: f64, high: f64) -> Vec<(f64, String)> {
-    let rough = (high - low) / 6.0;
-    let power = 10_f64.powf(rough.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|step| *step >= rough).unwrap_or(rough);
+    let step = round_step((high - low) / 6.0);
     let digits = (-step.log10().floor()).max(0.0) as usize;
     let first = (low / step).ceil() as i64;
     (first..)

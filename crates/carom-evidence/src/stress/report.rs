@@ -1,7 +1,7 @@
 //! The table as Markdown and as a picture.
 
 use super::method::{Cell, METHODS, Row, Verdict};
-use crate::drawing::{Area, Drawn, sure_picture};
+use carom_study::drawing::{Area, Drawn, sure_picture};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::fmt::Write;

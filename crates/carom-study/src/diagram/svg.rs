@@ -1,7 +1,7 @@
 //! Draws a planar diagram as SVG.
 
 use super::{Diagram, Shape, Stroke, Symbol};
-use plotters::coord::Shift;
+use crate::drawing::{Area, Drawn, picture, rgb};
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -20,9 +20,7 @@ const RING: f64 = 1.6;
 /// Opacity of areas.
 const AREA: f64 = 0.5;
 
-type Page<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
-type Drawn = Result<(), Box<dyn std::error::Error>>;
 
 impl Diagram<2> {
     /// Draws the diagram as SVG; `None` if the window is empty or not finite.
@@ -30,17 +28,14 @@ impl Diagram<2> {
         if self.window.iter().any(|[low, high]| !(high > low && (high - low).is_finite())) {
             return None;
         }
-        let mut svg = String::new();
-        self.draw(&mut svg).ok()?;
+        let size = ((SIZE.0 * FINE) as u32, (SIZE.1 * FINE) as u32);
+        let svg = picture(size, |root| self.draw(root)).ok()?;
         // the view box keeps the units of the drawing
         let fine = format!("width=\"{}\" height=\"{}\"", SIZE.0 * FINE, SIZE.1 * FINE);
         Some(svg.replacen(&fine, &format!("width=\"{}\" height=\"{}\"", SIZE.0, SIZE.1), 1))
     }
 
-    fn draw(&self, svg: &mut String) -> Drawn {
-        let size = [SIZE.0, SIZE.1].map(|x| (x * FINE) as u32);
-        let root = SVGBackend::with_string(svg, (size[0], size[1])).into_drawing_area();
-        root.fill(&WHITE)?;
+    fn draw(&self, root: &Area) -> Drawn {
         let page = root.margin(6 * FINE, 0, 0, 0).titled(&self.title, ("sans-serif", 20 * FINE))?;
         let [across, up] = self.window;
         // the frame is the window, at which lines are clipped; the legend is outside
@@ -96,7 +91,6 @@ impl Diagram<2> {
         let round = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)];
         page.draw(&PathElement::new(round, line(BLACK, 1)))?;
         self.legend(&page, (x1, y0), y1 - y0)?;
-        root.present()?;
         Ok(())
     }
 
@@ -117,7 +111,7 @@ impl Diagram<2> {
     }
 
     /// Draws the legend, downwards from the upper right corner of the frame.
-    fn legend(&self, page: &Page, (right, top): (i32, i32), height: i32) -> Drawn {
+    fn legend(&self, page: &Area, (right, top): (i32, i32), height: i32) -> Drawn {
         let lines = self.shapes.len() + self.marks.len();
         let pitch = (LEGEND.1 * FINE).min(height.max((SIZE.1 / 2) * FINE) / lines.max(1) as i32);
         let text = ("sans-serif", 14 * FINE).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
@@ -164,10 +158,6 @@ fn draw_shape(chart: &mut Chart, shape: &Shape<2>) -> Drawn {
 /// Style of a line.
 fn stroke(shape: &Shape<2>) -> ShapeStyle {
     rgb(shape.colour).stroke_width((FINE * if shape.stroke == Stroke::Thick { 3 } else { 1 }) as u32)
-}
-
-fn rgb([r, g, b]: [u8; 3]) -> RGBColor {
-    RGBColor(r, g, b)
 }
 
 /// Label of a number on an axis: shortest digits, exactly 0 for rounding errors.

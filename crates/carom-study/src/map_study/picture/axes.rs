@@ -1,11 +1,8 @@
 //! Titles, axes and their numbers.
 
 use super::super::Axis;
-use plotters::coord::Shift;
+use crate::drawing::Area;
 use plotters::prelude::*;
-
-/// A part of a drawing.
-pub(super) type Area<'s> = DrawingArea<SVGBackend<'s>, Shift>;
 
 pub(super) fn name_of(axis: &Axis) -> String {
     if axis.unit.is_empty() || axis.name.ends_with("_deg") {
@@ -23,14 +20,8 @@ pub(super) const TEXT: (&str, u32) = ("sans-serif", 14);
 /// Height of the title.
 pub(super) const HEAD: u32 = 26;
 
-/// A drawing of this size below its title.
-pub(super) fn titled<'s>(
-    svg: &'s mut String,
-    size: (u32, u32),
-    title: &str,
-) -> Result<DrawingArea<SVGBackend<'s>, Shift>, Box<dyn std::error::Error>> {
-    let root = SVGBackend::with_string(svg, size).into_drawing_area();
-    root.fill(&WHITE)?;
+/// A drawing below its title.
+pub(super) fn titled<'s>(root: &Area<'s>, title: &str) -> Result<Area<'s>, Box<dyn std::error::Error>> {
     let (head, rest) = root.split_vertically(HEAD);
     head.draw(&Text::new(title.to_owned(), (16, 10), TEXT)).map_err(|e| e.to_string())?;
     Ok(rest)
@@ -59,14 +50,4 @@ pub(super) fn round_powers(low: f64, high: f64) -> Vec<f64> {
 pub(super) fn brief(x: f64) -> String {
     let rounded: f64 = format!("{x:.2e}").parse().unwrap_or(x);
     if (1e-3..1e5).contains(&rounded.abs()) { format!("{rounded}") } else { format!("{rounded:e}") }
-}
-
-/// The least 1, 2 or 5 times a power of ten that is not below this.
-pub(super) fn round_step(least: f64) -> f64 {
-    let power = 10.0_f64.powf(least.max(f64::MIN_POSITIVE).log10().floor());
-    [1.0, 2.0, 5.0, 10.0]
-        .into_iter()
-        .map(|x| x * power)
-        .find(|step| *step >= least * (1.0 - 1e-9))
-        .unwrap_or(10.0 * power)
 }

@@ -1,7 +1,6 @@
 //! The colours of pictures of maps.
 
 use super::super::CLASSES;
-use plotters::style::RGBColor;
 
 /// Colour of NaN.
 pub(super) const NOTHING: [u8; 3] = [150, 150, 150];
@@ -53,8 +52,4 @@ pub(super) fn mix(colours: &[[u8; 3]], share: f64) -> [u8; 3] {
         let (a, b) = (f64::from(colours[k][i]), f64::from(colours[k + 1][i]));
         (a + (b - a) * part).round() as u8
     })
-}
-
-pub(super) fn rgb([r, g, b]: [u8; 3]) -> RGBColor {
-    RGBColor(r, g, b)
 }

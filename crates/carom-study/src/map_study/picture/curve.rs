@@ -1,13 +1,15 @@
 //! Curves over one axis.
 
-use super::axes::{Area, HEAD, TEXT, brief, name_of, tick, titled};
-use super::colours::{OTHERS, rgb};
-use super::values::{Drawn, LEGEND, Values};
+use super::axes::{HEAD, TEXT, brief, name_of, tick, titled};
+use super::colours::OTHERS;
+use super::values::{LEGEND, Values};
+use crate::drawing::{Area, Drawn, picture, rgb};
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
+use std::error::Error;
 
 /// Draws the curves of a picture.
-pub(super) fn draw(svg: &mut String, values: &Values) -> Drawn {
+pub(super) fn draw(values: &Values) -> Result<String, Box<dyn Error>> {
     let axis = &values.axes[0];
     let (left, right) = (0..axis.count())
         .map(|k| axis.value(k))
@@ -16,19 +18,18 @@ pub(super) fn draw(svg: &mut String, values: &Values) -> Drawn {
     let several = values.axes.get(1);
     let width = 700;
     let size = (width + if several.is_some() { LEGEND } else { 0 }, 460 + HEAD);
-    let root = titled(svg, size, &values.title)?;
-    let (area, legend) = root.split_horizontally(width);
-    let across = (left, right);
-    if values.logarithmic {
-        let room = (high / low).powf(0.05);
-        lines((&area, &legend), values, across, (low / room..high * room).log_scale(), &brief)?;
-    } else {
-        let room = 0.05 * (high - low);
-        let number = |y: f64| tick(y, high - low);
-        lines((&area, &legend), values, across, low - room..high + room, &number)?;
-    }
-    root.present()?;
-    Ok(())
+    picture(size, |root| {
+        let (area, legend) = titled(root, &values.title)?.split_horizontally(width);
+        let across = (left, right);
+        if values.logarithmic {
+            let room = (high / low).powf(0.05);
+            lines((&area, &legend), values, across, (low / room..high * room).log_scale(), &brief)
+        } else {
+            let room = 0.05 * (high - low);
+            let number = |y: f64| tick(y, high - low);
+            lines((&area, &legend), values, across, low - room..high + room, &number)
+        }
+    })
 }
 
 /// Draws the curves over a vertical axis, whose numbers are written by `number`, and their legend.

@@ -1,18 +1,19 @@
 //! Heat maps over two axes, side by side, with their colour bar or the legend of their words.
 
 use super::super::Axis;
-use super::axes::{Area, HEAD, TEXT, brief, ends, name_of, round_powers, round_step, tick, titled};
-use super::colours::{rgb, word_colour};
-use super::values::{Drawn, LEGEND, Values};
+use super::axes::{HEAD, TEXT, brief, ends, name_of, round_powers, tick, titled};
+use super::colours::word_colour;
+use super::values::{LEGEND, Values};
+use crate::drawing::{Area, Drawn, picture, rgb, round_step};
 use base64::Engine as _;
-use plotters::coord::Shift;
 use plotters::prelude::*;
+use std::error::Error;
 use std::fmt::Write as _;
 
 const PANEL: (u32, u32) = (420, 400);
 
 /// Draws the heat maps of a picture.
-pub(super) fn draw(svg: &mut String, values: &Values) -> Drawn {
+pub(super) fn draw(values: &Values) -> Result<String, Box<dyn Error>> {
     let (across, up) = (&values.axes[0], &values.axes[1]);
     let panels = values.axes.get(2);
     let count = panels.map_or(1, Axis::count) as usize;
@@ -20,9 +21,8 @@ pub(super) fn draw(svg: &mut String, values: &Values) -> Drawn {
     let range = values.colour_range();
     let size = (PANEL.0 * count as u32 + LEGEND, PANEL.1 + 16 + HEAD);
     let mut images = HATCH.to_owned();
-    {
-        let root = titled(svg, size, &values.title)?;
-        let (maps, legend) = root.split_horizontally(PANEL.0 * count as u32);
+    let mut svg = picture(size, |root| {
+        let (maps, legend) = titled(root, &values.title)?.split_horizontally(PANEL.0 * count as u32);
         for (k, area) in maps.split_evenly((1, count)).into_iter().enumerate() {
             let title = panels.map(|axis| match axis.names() {
                 [] => format!("{} {}", axis.name, tick(axis.value(k as u64), axis.value(0))),
@@ -42,20 +42,15 @@ pub(super) fn draw(svg: &mut String, values: &Values) -> Drawn {
             let (across, down) = legend.get_pixel_range();
             hatched(&mut images, [across.start + 4, down.start + end, 14, 14])?;
         }
-        root.present()?;
-    }
+        Ok(())
+    })?;
     let end = svg.rfind("</svg>").ok_or("no end of the drawing")?;
     svg.insert_str(end, &images);
-    Ok(())
+    Ok(svg)
 }
 
 /// Draws the axes of one heat map. Returns the area of its image: x, y, width, height.
-fn panel(
-    area: &DrawingArea<SVGBackend, Shift>,
-    title: Option<&str>,
-    across: &Axis,
-    up: &Axis,
-) -> Result<[i32; 4], Box<dyn std::error::Error>> {
+fn panel(area: &Area, title: Option<&str>, across: &Axis, up: &Axis) -> Result<[i32; 4], Box<dyn Error>> {
     let [margin, below, beside]: [u32; 3] = [12, 44, 64];
     let ((x0, x1), (y0, y1)) = (ends(across), ends(up));
     let area = title.map_or(Ok(area.clone()), |title| area.titled(title, ("sans-serif", 16)))?;
@@ -135,7 +130,7 @@ fn image(
 }
 
 /// Returns the height, pixels, of a further entry.
-fn colour_bar(area: &Area, values: &Values, (low, high): (f64, f64)) -> Result<i32, Box<dyn std::error::Error>> {
+fn colour_bar(area: &Area, values: &Values, (low, high): (f64, f64)) -> Result<i32, Box<dyn Error>> {
     let (top, height) = (44, PANEL.1 as i32 - 140);
     area.draw(&Text::new(values.label.clone(), (4, 16), TEXT))?;
     for k in 0..height {
@@ -169,7 +164,7 @@ fn colour_bar(area: &Area, values: &Values, (low, high): (f64, f64)) -> Result<i
 }
 
 /// Legend of the words that occur, each with its colour and its percentage of the rows.
-fn word_legend(area: &Area, values: &Values) -> Result<i32, Box<dyn std::error::Error>> {
+fn word_legend(area: &Area, values: &Values) -> Result<i32, Box<dyn Error>> {
     area.draw(&Text::new(values.label.clone(), (4, 16), TEXT))?;
     let mut line = 0;
     for (k, word) in values.words.iter().enumerate() {

@@ -146,10 +146,8 @@ impl Values {
     /// # Errors
     /// Why it cannot be drawn.
     pub(crate) fn svg(&self) -> Result<String, String> {
-        let mut svg = String::new();
-        let drawn = if self.is_curve() { curve::draw(&mut svg, self) } else { heat_map::draw(&mut svg, self) };
-        drawn.map_err(|e| format!("the picture cannot be drawn: {e}"))?;
-        Ok(svg)
+        let drawn = if self.is_curve() { curve::draw(self) } else { heat_map::draw(self) };
+        drawn.map_err(|e| format!("the picture cannot be drawn: {e}"))
     }
 }
 

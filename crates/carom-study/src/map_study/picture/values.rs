@@ -6,8 +6,6 @@ use super::colours::{DIVERGING, NOTHING, SEQUENTIAL, mix, word_colour};
 /// Width of the legend, pixels.
 pub(super) const LEGEND: u32 = 150;
 
-pub(super) type Drawn = Result<(), Box<dyn std::error::Error>>;
-
 /// One column of a whole map, arranged by the axes that vary.
 pub struct Values {
     /// The axes that vary: horizontal, vertical, and the axis over which heat maps stand side by side.
