@@ -2,11 +2,8 @@
 
 use crate::border::c_text;
 use crate::error::{Fault, Status};
-use carom_sim::{NamedRun, Sampling, Seen};
-use serde::Serialize as _;
-use serde_json::ser::{CompactFormatter, Formatter, Serializer};
+use carom_sim::{NamedRun, Sampling, Seen, to_json};
 use std::ffi::{CString, c_char};
-use std::io::{self, Write};
 use std::ptr;
 
 /// A scene file with its robots, read; it does not change. Any number of threads may use one at the same time.
@@ -76,9 +73,7 @@ pub unsafe extern "C" fn carom_text_free(text: *mut c_char) {
 
 /// The line of JSON of a run, as the command line writes it.
 fn line(run: &NamedRun) -> Result<String, Fault> {
-    let mut text = Vec::new();
-    let written = run.serialize(&mut Serializer::with_formatter(&mut text, Unsigned));
-    let text = written.ok().and_then(|()| String::from_utf8(text).ok()).unwrap_or_default();
+    let text = to_json(run).unwrap_or_default();
     // serde_json writes null for numbers that are not finite; nothing else of a run is null.
     if text.contains("null") || text.is_empty() {
         let why =
@@ -86,13 +81,4 @@ fn line(run: &NamedRun) -> Result<String, Fault> {
         return Err(Fault::physics(why.into()));
     }
     Ok(text)
-}
-
-/// Writes zeros without their sign, which depends on rounding only.
-struct Unsigned;
-
-impl Formatter for Unsigned {
-    fn write_f64<W: ?Sized + Write>(&mut self, out: &mut W, value: f64) -> io::Result<()> {
-        CompactFormatter.write_f64(out, value + 0.0)
-    }
 }

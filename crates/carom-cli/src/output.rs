@@ -3,10 +3,10 @@
 use crate::error::{CliError, LineError, Refused};
 use carom_chain::input::{MESSAGE, shortened};
 pub use carom_evidence::consistency::short;
+pub use carom_sim::to_json;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use serde_json::Value;
-use serde_json::ser::{CompactFormatter, Formatter};
 use std::borrow::Cow;
 use std::fmt;
 use std::fs::File;
@@ -52,22 +52,6 @@ pub fn answer_about<A: Serialize>(
         Refused::Output(e) => CliError::Output(e),
         Refused::Input(e) => CliError::Input(format!("{}: {e}", file.display())),
     })
-}
-
-/// One line of JSON.
-pub fn to_json(answer: &impl Serialize) -> io::Result<String> {
-    let mut text = Vec::new();
-    answer.serialize(&mut serde_json::Serializer::with_formatter(&mut text, Unsigned))?;
-    String::from_utf8(text).map_err(io::Error::other)
-}
-
-/// Writes zeros without their sign, which depends on rounding only.
-struct Unsigned;
-
-impl Formatter for Unsigned {
-    fn write_f64<W: ?Sized + Write>(&mut self, out: &mut W, value: f64) -> io::Result<()> {
-        CompactFormatter.write_f64(out, value + 0.0)
-    }
 }
 
 fn first_null(key: &str, value: &Value) -> Option<String> {

@@ -69,5 +69,5 @@ pub use {
     motion::free_motion_at,
     run::{AtContact, NamedEvent, NamedRun, UnderLaw},
     scene::{from_toml, keys, path},
-    state::state_variables,
+    state::{state_variables, to_json},
 };

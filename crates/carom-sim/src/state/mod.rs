@@ -23,3 +23,4 @@ pub use profile::Profile;
 pub(crate) use profile::{between, check_rows, next_of};
 pub(crate) use reach::{beyond, reach};
 pub(crate) use space::{Felt, Space, View, pseudo_inverse};
+pub use written::to_json;
