@@ -2,13 +2,14 @@
 
 use crate::error::CliError;
 use crate::fit::{AtRobot, bar};
+use crate::input::words;
 use crate::output::{make_folder, to_json, write_whole};
 use crate::{files, output::answer_about};
 use carom_evidence::compare::{
     CompareOptions, Comparison, DataSet, TossCases, compare, data_sets, markdown, summary, svg, toss_cases,
 };
 use carom_study::Horizon;
-use clap::{Args, builder::PossibleValuesParser};
+use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -88,11 +89,11 @@ pub struct CompareCommand {
     #[arg(long, value_name = "N", default_value_t = 60)]
     tosses: usize,
     /// Part of the tosses whose error is fitted: whole, or early, to 0.1 s after the first impact
-    #[arg(long, value_parser = PossibleValuesParser::new(["whole", "early"]), default_value = "early")]
-    horizon: String,
+    #[arg(long, value_parser = words(&Horizon::ALL, Horizon::name), default_value = "early")]
+    horizon: Horizon,
     /// Part of the tosses that is judged: whole, with the early part, or early alone, which is many times faster
-    #[arg(long, value_parser = PossibleValuesParser::new(["whole", "early"]), default_value = "whole")]
-    judge: String,
+    #[arg(long, value_parser = words(&Horizon::ALL, Horizon::name), default_value = "whole")]
+    judge: Horizon,
     /// Length L of the pose error of tosses, m: mean |Δp|²/L + mean Δθ² over the samples
     #[arg(long, value_name = "METRES", default_value_t = 0.0524, allow_hyphen_values = true)]
     length: f64,
@@ -127,15 +128,14 @@ impl CompareCommand {
             files::check_folder(folder)?;
         }
         files::check(&[], &[("--export", self.export.as_deref())])?;
-        let part = |name: &str| if name == Horizon::Early.name() { Horizon::Early } else { Horizon::Whole };
         let options = CompareOptions {
             folds: self.folds,
             seed: self.seed,
             max_friction: self.max_friction,
             trials: self.trials,
             tosses: self.tosses,
-            horizon: part(&self.horizon),
-            judged: part(&self.judge),
+            horizon: self.horizon,
+            judged: self.judge,
             tolerance: self.tolerance,
             contact_step: self.contact_step,
             length: self.length,

@@ -6,6 +6,7 @@ use carom_chain::input::{MESSAGE, MOST_MIB, shortened};
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
 use carom_chain::{Chain, Coordinates, FrameId, JointInfo};
 use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::{Deserialize, de::DeserializeOwned};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -157,6 +158,16 @@ pub struct State {
     pub qd: Vec<f64>,
     pub tau: Option<Vec<f64>>,
     pub qdd: Option<Vec<f64>>,
+}
+
+/// The values of an option that takes one of these words.
+pub fn words<T: Copy + Send + Sync + 'static>(
+    all: &'static [T],
+    name: fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T> {
+    let named = move |word: String| all.iter().copied().find(|it| name(*it) == word);
+    PossibleValuesParser::new(all.iter().map(|it| name(*it)))
+        .map(move |word| named(word).unwrap_or_else(|| unreachable!("the option accepts these words only")))
 }
 
 /// The name of a file in messages.

@@ -1,13 +1,13 @@
 //! `carom tosses`: simulation of measured tosses.
 
 use crate::error::CliError;
-use crate::input::{LoadArgs, check_coefficients, tell, within};
+use crate::input::{LoadArgs, check_coefficients, tell, within, words};
 use crate::law::{laws, tangential};
 use crate::output::{answer_about, short};
 use carom_impact::Coefficients;
 use carom_sim::{ContactLaw, ContactRule};
 use carom_study::{RollOutOptions, Start, TossError, TossReport, Tosses};
-use clap::{Args, builder::PossibleValuesParser};
+use clap::Args;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
@@ -53,8 +53,8 @@ pub struct TossesCommand {
     tangential_restitution: Option<f64>,
     /// State at the start: fitted to the poses of the flight before the first impact, or given by
     /// the first free sample of the table
-    #[arg(long, value_parser = PossibleValuesParser::new(["fitted", "given"]), default_value = "fitted", verbatim_doc_comment)]
-    start: String,
+    #[arg(long, value_parser = words(&Start::ALL, Start::name), default_value = "fitted", verbatim_doc_comment)]
+    start: Start,
     /// Length L of the pose error, m: mean |Δp|²/L + mean Δθ² over the samples
     #[arg(long, value_name = "METRES", default_value_t = 0.0524, allow_hyphen_values = true)]
     length: f64,
@@ -89,18 +89,13 @@ impl TossesCommand {
             tolerance: self.tolerance,
             contact_step: self.contact_step,
             length: self.length,
-            start: start(&self.start),
+            start: self.start,
             ..RollOutOptions::default()
         };
         let report = tosses.report(&rule, &roll);
         let report = report.map_err(|e| CliError::Input(format!("{}: {e}", self.folder.display())))?;
         answer_about(&self.folder, out, &report, self.json, for_people)
     }
-}
-
-/// The start of that name.
-pub fn start(name: &str) -> Start {
-    if name == Start::Given.name() { Start::Given } else { Start::Fitted }
 }
 
 fn for_people(report: &TossReport, out: &mut dyn Write) -> io::Result<()> {

@@ -26,15 +26,3 @@ pub(crate) fn halved([mut low, mut high]: [f64; 2], halvings: usize, is_low: imp
     }
     [low, high]
 }
-
-/// Enums whose values are written as their `name()`.
-macro_rules! serialised_by_name {
-    ($($kind:ty),+) => {$(
-        impl serde::Serialize for $kind {
-            fn serialize<S: serde::Serializer>(&self, out: S) -> Result<S::Ok, S::Error> {
-                out.serialize_str(self.name())
-            }
-        }
-    )+};
-}
-use serialised_by_name;

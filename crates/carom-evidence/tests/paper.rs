@@ -85,7 +85,7 @@ fn map_agrees_with_the_experiment_and_with_eq_15() {
     let tip = chain.frame("tip").unwrap();
     let approach = Approach { normal: -Vector2::x(), tangent: -Vector2::y(), restitution: 0.35 };
     let reach = 0.9 * 0.5_f64.sqrt();
-    for elbow in Elbow::BOTH {
+    for elbow in Elbow::ALL {
         let targets = [[reach, 0.0], [0.2, 0.5], [2.0, 0.0]];
         let map = tangential_map(&flat, tip, [0.45, 0.45], approach, elbow.side(), targets).unwrap();
         assert_eq!(map.len(), 2, "the last target is out of reach");

@@ -14,7 +14,7 @@ fn paper() -> Paper {
 #[test]
 fn the_simulated_jump_agrees_with_eqs_11_and_15() {
     let arm = stand_in().unwrap();
-    for (motion, elbow) in paper().motions.iter().zip(Elbow::BOTH) {
+    for (motion, elbow) in paper().motions.iter().zip(Elbow::ALL) {
         let run = strike(&arm, elbow, 45.0, 0.2, 0.35).unwrap();
         let at = motion.states.iter().position(|s| s.time == 0.0).unwrap();
         let (before, after) = (motion.states[at], motion.states[at + 1]);
@@ -52,7 +52,7 @@ fn the_simulated_jump_agrees_with_eqs_11_and_15() {
 fn the_integral_of_the_contact_force_is_stronges_impulse() {
     let arm = stand_in().unwrap();
     let tip = arm.frame("tip").unwrap();
-    for (forces, elbow) in paper().forces.iter().zip(Elbow::BOTH) {
+    for (forces, elbow) in paper().forces.iter().zip(Elbow::ALL) {
         let before = strike(&arm, elbow, 45.0, 0.2, 0.35).unwrap().qd_minus;
         let law = Energetic { restitution: 0.35, friction: 0.1 };
         let hit = arm.impact(&elbow.pose(), &before).at(tip).normal(NORMAL).resolve(&law).unwrap();

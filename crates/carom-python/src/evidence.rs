@@ -2,7 +2,7 @@
 
 use crate::array::{Array, Given, count};
 use crate::error::{exceptions, raise};
-use crate::fit::{horizon_of, measured, start_of};
+use crate::fit::{measured, word_of};
 use crate::laws::GivenLaw;
 use crate::scene::Scene;
 use crate::threads::{halt, left_behind};
@@ -10,7 +10,7 @@ use carom_chain::urdf::LoadOptions;
 use carom_evidence::chart::{Chart, StiffnessChart};
 use carom_evidence::compare::{CompareOptions, Comparison, DataSet, compare, data_sets, markdown, svg};
 use carom_sim::ContactRule;
-use carom_study::{RollOutOptions, Tosses};
+use carom_study::{Horizon, RollOutOptions, Start, Tosses};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -41,7 +41,8 @@ struct Options {
 impl Options {
     fn all(self) -> PyResult<CompareOptions> {
         let Self { folds, seed, max_friction, trials, fitted: tosses, tolerance, contact_step, length, .. } = self;
-        let (horizon, judged) = (horizon_of("horizon", &self.horizon)?, horizon_of("judge", &self.judge)?);
+        let part = |what, word: &str| word_of(what, word, &Horizon::ALL, Horizon::name);
+        let (horizon, judged) = (part("horizon", &self.horizon)?, part("judge", &self.judge)?);
         Ok(CompareOptions {
             folds,
             seed,
@@ -132,7 +133,7 @@ pub fn tosses<'py>(
             return Err(exceptions::FitError::new_err(format!("{what} is {x}: it must be positive and finite")));
         }
     }
-    let start = start_of(start)?;
+    let start = word_of("start", start, &Start::ALL, Start::name)?;
     let roll = RollOutOptions { tolerance, contact_step, length, start, ..RollOutOptions::default() };
     let rule = ContactRule::new(law.of_contact());
     let report = left_behind(py, move |_| {

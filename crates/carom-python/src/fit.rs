@@ -94,14 +94,7 @@ struct Options {
 
 impl Options {
     fn all(&self) -> PyResult<FitOptions<'_>> {
-        let loss = match self.loss.as_str() {
-            "huber" => Loss::Huber,
-            "squares" => Loss::Squares,
-            other => {
-                let message = format!("loss is '{other}': it must be 'huber' or 'squares'");
-                return Err(exceptions::FitError::new_err(message));
-            }
-        };
+        let loss = word_of("loss", &self.loss, &Loss::ALL, Loss::name)?;
         let Self { law, inertia, max_friction, train, seed, confidence, .. } = self;
         Ok(FitOptions {
             law,
@@ -218,23 +211,12 @@ pub fn fit_impacts(py: Python<'_>, data: &Bound<'_, PyDict>, options: &Bound<'_,
 }
 
 /// # Errors
-/// `FitError` for another word.
-pub fn start_of(word: &str) -> PyResult<Start> {
-    match word {
-        "fitted" => Ok(Start::Fitted),
-        "given" => Ok(Start::Given),
-        other => Err(exceptions::FitError::new_err(format!("start is '{other}': it must be 'fitted' or 'given'"))),
-    }
-}
-
-/// # Errors
-/// `FitError` for another word of the argument `what`.
-pub fn horizon_of(what: &str, word: &str) -> PyResult<Horizon> {
-    match word {
-        "whole" => Ok(Horizon::Whole),
-        "early" => Ok(Horizon::Early),
-        other => Err(exceptions::FitError::new_err(format!("{what} is '{other}': it must be 'whole' or 'early'"))),
-    }
+/// `FitError` for another word of the argument `what` than those of all.
+pub fn word_of<T: Copy>(what: &str, word: &str, all: &[T], name: fn(T) -> &'static str) -> PyResult<T> {
+    all.iter().copied().find(|it| name(*it) == word).ok_or_else(|| {
+        let known: Vec<String> = all.iter().map(|it| format!("'{}'", name(*it))).collect();
+        exceptions::FitError::new_err(format!("{what} is '{word}': it must be {}", known.join(" or ")))
+    })
 }
 
 /// Fits to tosses: see `carom.fit`.
@@ -251,7 +233,8 @@ pub fn fit_tosses(
     options: &Bound<'_, PyDict>,
 ) -> PyResult<FitResult> {
     let options: Options = options.extract()?;
-    let (start, horizon) = (start_of(start)?, horizon_of("horizon", horizon)?);
+    let start = word_of("start", start, &Start::ALL, Start::name)?;
+    let horizon = word_of("horizon", horizon, &Horizon::ALL, Horizon::name)?;
     let roll = RollOutOptions { tolerance, contact_step, length, start, horizon, ..RollOutOptions::default() };
     let tosses = py.detach(|| Tosses::read(&folder, robot, &LoadOptions::default())).map_err(raise)?;
     fitted(py, options, move |options, stop| fit_trajectories(&tosses, options, &roll, &|_, _| halt(stop)))

@@ -29,6 +29,7 @@ mod self_motion;
 mod table;
 #[doc(hidden)] // for carom-evidence
 pub mod tosses;
+mod words;
 
 pub use diagram::{Diagram, LawPoint, hodograph, impulse_space, routh_diagram};
 pub use ensemble::{Covariance, Ensemble, PredictedTime, Runs, Spread};

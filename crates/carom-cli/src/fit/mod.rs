@@ -4,15 +4,14 @@ mod read;
 mod report;
 
 use crate::error::CliError;
-use crate::input::{LoadArgs, name, parse_vector, tell};
+use crate::input::{LoadArgs, name, parse_vector, tell, words};
 use crate::law::{Refusal, laws};
 use crate::output::{Bar, answer_about};
-use crate::tosses::start;
 use carom_chain::Chain;
 use carom_impact::LAW_NAMES;
 use carom_study::fit::{Fit, FitError, FitOptions, Joined, Loss, MeasuredImpact, fit_trajectories, fit_velocities};
-use carom_study::{Horizon, RollOutOptions, Tosses};
-use clap::{Args, builder::PossibleValuesParser};
+use carom_study::{Horizon, RollOutOptions, Start, Tosses};
+use clap::Args;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -58,8 +57,8 @@ pub struct FitCommand {
     #[arg(long, verbatim_doc_comment)]
     inertia: bool,
     /// Loss of an error: huber is its square up to twice the median error, linear beyond
-    #[arg(long, value_parser = PossibleValuesParser::new(["huber", "squares"]), default_value = "huber")]
-    loss: String,
+    #[arg(long, value_parser = words(&Loss::ALL, Loss::name), default_value = "huber")]
+    loss: Loss,
     /// Largest friction of the search, above 0, at most 100
     #[arg(long, value_name = "MU", default_value_t = 1.0, allow_hyphen_values = true)]
     max_friction: f64,
@@ -80,11 +79,11 @@ pub struct FitCommand {
     length: f64,
     /// State at the start of tosses: fitted to the poses of the flight before the first impact, or
     /// given by the first free sample of the table
-    #[arg(long, value_parser = PossibleValuesParser::new(["fitted", "given"]), default_value = "fitted", verbatim_doc_comment, conflicts_with_all = ["velocities", "flights"])]
-    start: String,
+    #[arg(long, value_parser = words(&Start::ALL, Start::name), default_value = "fitted", verbatim_doc_comment, conflicts_with_all = ["velocities", "flights"])]
+    start: Start,
     /// Part of the tosses that is fitted: whole, or early, to 0.1 s after the first impact
-    #[arg(long, value_parser = PossibleValuesParser::new(["whole", "early"]), default_value = "whole", conflicts_with_all = ["velocities", "flights"])]
-    horizon: String,
+    #[arg(long, value_parser = words(&Horizon::ALL, Horizon::name), default_value = "whole", conflicts_with_all = ["velocities", "flights"])]
+    horizon: Horizon,
     /// Relative tolerance of the integration of tosses
     #[arg(long, default_value = "1e-6", allow_hyphen_values = true, conflicts_with_all = ["velocities", "flights"])]
     tolerance: f64,
@@ -188,8 +187,8 @@ impl FitCommand {
                 tolerance: self.tolerance,
                 contact_step: self.contact_step,
                 length: self.length,
-                start: start(&self.start),
-                horizon: if self.horizon == Horizon::Early.name() { Horizon::Early } else { Horizon::Whole },
+                start: self.start,
+                horizon: self.horizon,
                 ..RollOutOptions::default()
             };
             Data::Tosses(self.tosses(path)?, roll)
@@ -229,7 +228,7 @@ impl FitCommand {
     fn fit(&self, law: &str, data: &Data, told: &Flights) -> Result<Fit, FitError> {
         let options = FitOptions {
             law,
-            loss: if self.loss == "squares" { Loss::Squares } else { Loss::Huber },
+            loss: self.loss,
             inertia: self.inertia,
             max_friction: self.max_friction,
             train: self.train,

@@ -4,6 +4,7 @@ use super::{FitCommand, Flights, middle};
 use crate::law::{Refusal, print_refused};
 use crate::output::short;
 use carom_study::fit::{Coefficient, Fit, FittedTo, Loss, Misfit, Score};
+use carom_study::{Horizon, Start};
 use serde::Serialize;
 use std::io::{self, Write};
 
@@ -17,9 +18,9 @@ pub struct Report<'a> {
     confidence: f64,
     seed: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
-    start: Option<&'a str>,
+    start: Option<Start>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    horizon: Option<&'a str>,
+    horizon: Option<Horizon>,
     coefficients: &'a [Coefficient],
     train: Score,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -71,8 +72,8 @@ impl<'a> Report<'a> {
             threshold: fit.threshold,
             confidence: command.confidence,
             seed: command.seed,
-            start: trajectories.then_some(&command.start),
-            horizon: trajectories.then_some(&command.horizon),
+            start: trajectories.then_some(command.start),
+            horizon: trajectories.then_some(command.horizon),
             coefficients: &fit.coefficients,
             train: fit.train,
             test: fit.test,

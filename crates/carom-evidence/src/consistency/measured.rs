@@ -1,7 +1,7 @@
 //! Reads measured coefficients from a CSV file.
 
 use super::range::Range;
-use crate::{EvidenceError, serialised_by_name};
+use crate::EvidenceError;
 use serde::Serialize;
 use std::path::Path;
 
@@ -54,20 +54,17 @@ pub(crate) enum Seen {
     GrowsOrShrinks,
 }
 
-impl Seen {
-    const ALL: [Self; 5] = [Self::Grows, Self::Shrinks, Self::Reverses, Self::ShrinksOrReverses, Self::GrowsOrShrinks];
-
-    /// Word for it in the file.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Grows => "grows",
-            Self::Shrinks => "shrinks",
-            Self::Reverses => "reverses",
-            Self::ShrinksOrReverses => "shrinks or reverses",
-            Self::GrowsOrShrinks => "grows or shrinks",
-        }
+carom_study::words! {
+    Seen {
+        Grows "grows",
+        Shrinks "shrinks",
+        Reverses "reverses",
+        ShrinksOrReverses "shrinks or reverses",
+        GrowsOrShrinks "grows or shrinks"
     }
+}
 
+impl Seen {
     /// Range of the jump h (1+e)/cot α; v_t⁺/v_t⁻ = 1 − jump.
     pub(super) fn jump(self) -> Range {
         let (least, most) = match self {
@@ -80,8 +77,6 @@ impl Seen {
         Range { least, most }
     }
 }
-
-serialised_by_name!(Seen);
 
 /// One measured impact.
 #[derive(Debug, Clone, PartialEq, Serialize)]

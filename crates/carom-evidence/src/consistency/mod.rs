@@ -39,7 +39,6 @@ pub use v_plot::v_plot;
 pub use words::{print, short};
 
 use crate::paper::Tangential;
-use crate::serialised_by_name;
 use measured::{Entry, Rounded};
 use nalgebra::Vector3;
 use range::{Pose, Range};
@@ -104,17 +103,7 @@ pub(crate) enum Column {
     EnergyRoot,
 }
 
-impl Column {
-    /// Name of the column in the file.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Newton => "newton",
-            Self::EnergyRoot => "energy_root",
-        }
-    }
-}
-
-serialised_by_name!(Column);
+carom_study::words! { Column { Newton "newton", EnergyRoot "energy_root" } }
 
 /// A single value whose change alone makes the row consistent.
 #[derive(Debug, Clone, PartialEq, Serialize)]

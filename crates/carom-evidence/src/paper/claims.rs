@@ -91,7 +91,7 @@ pub fn claims(chain: &Chain, runs: &[Run]) -> Result<Vec<Claim>, SimError> {
         let same = of(elbow).filter(|r| r.angle_deg == angle);
         same.map(|r| r.hit.energy_loss() / (r.speed * r.speed)).collect()
     };
-    let uneven = Elbow::BOTH.into_iter().flat_map(|e| ANGLES_DEG.map(|a| bounds(&per_square(e, a))));
+    let uneven = Elbow::ALL.into_iter().flat_map(|e| ANGLES_DEG.map(|a| bounds(&per_square(e, a))));
     let uneven = uneven.map(|(least, most)| (most - least) / most).fold(0.0, f64::max);
     claims.push(Claim {
         place: "Sec. IV (Fig. 8)",
@@ -103,7 +103,7 @@ pub fn claims(chain: &Chain, runs: &[Run]) -> Result<Vec<Claim>, SimError> {
     });
 
     let mut worst: (f64, String) = (0.0, String::new());
-    for elbow in Elbow::BOTH {
+    for elbow in Elbow::ALL {
         for (k, measured) in elbow.measured_energy_root().into_iter().enumerate() {
             let same = |r: &&Run| r.speed == 0.2 && r.angle_deg == ANGLES_DEG[k];
             if let Some(run) = of(elbow).find(same) {
@@ -228,7 +228,7 @@ pub(super) fn claims_of_figures(chain: &Chain, paper: &Paper) -> Result<Vec<Clai
         evidence: format!("they differ by up to {:.2}, at {:.0} deg", most.0, most.1),
     });
 
-    for elbow in Elbow::BOTH {
+    for elbow in Elbow::ALL {
         let rows = paper.rows.iter().filter(|row| row.newton.elbow == elbow);
         let (least, most) = bounds(&rows.map(Row::overshoot).collect::<Vec<_>>());
         claims.push(Claim {

@@ -15,7 +15,7 @@ impl Paper {
     pub(super) fn numbers(&self, figure: &str) -> Columns {
         let [up, down] = &self.motions;
         let pairs = || up.states.iter().zip(&down.states);
-        let elbows = |angle: &f64| Elbow::BOTH.map(|elbow| self.row(elbow, *angle));
+        let elbows = |angle: &f64| Elbow::ALL.map(|elbow| self.row(elbow, *angle));
         let by_angle = |of: &dyn Fn(&Row) -> Vec<f64>| -> Vec<Vec<f64>> {
             let row = |angle: &f64| -> Vec<f64> {
                 std::iter::once(*angle).chain(elbows(angle).into_iter().flatten().flat_map(of)).collect()
@@ -102,7 +102,7 @@ impl Paper {
 
     /// A figure as SVG.
     pub(super) fn figure(&self, name: &str) -> Result<String, EvidenceError> {
-        let label = |k: usize, what: &str| format!("{}-elbow: {what}", Elbow::BOTH[k].name());
+        let label = |k: usize, what: &str| format!("{}-elbow: {what}", Elbow::ALL[k].name());
         let (_, numbers) = self.numbers(name);
         // a curve of two columns, each scaled to the unit of its axis
         let curve = |name: String, colour, x: (usize, f64), y: (usize, f64)| Curve {

@@ -19,7 +19,6 @@ mod simulated;
 pub use claims::{Claim, claims};
 pub use report::{Paper, stand_in};
 
-use crate::serialised_by_name;
 use carom_chain::Chain;
 use carom_impact::Frictionless;
 use carom_sim::{ChainImpact, Impacts, SimError};
@@ -45,20 +44,9 @@ pub enum Elbow {
 }
 
 impl Elbow {
-    /// Both configurations, up first.
-    pub(crate) const BOTH: [Self; 2] = [Self::Up, Self::Down];
-
     /// +1 if the elbow is above the line from base to tip, −1 if it is below.
     pub fn side(self) -> f64 {
         if self == Self::Up { 1.0 } else { -1.0 }
-    }
-
-    /// Name: `up` or `down`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Up => "up",
-            Self::Down => "down",
-        }
     }
 
     /// Joint angles at the impact, rad.
@@ -98,16 +86,6 @@ pub enum Tangential {
 }
 
 impl Tangential {
-    /// Name: `grows`, `shrinks`, `reverses` or `appears`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Grows => "grows",
-            Self::Shrinks => "shrinks",
-            Self::Reverses => "reverses",
-            Self::Appears => "appears",
-        }
-    }
-
     /// The change from velocity `before` to `after`; `before` counts as zero up to 1e-12 of `after`.
     pub fn of(before: f64, after: f64) -> Self {
         if before.abs() <= 1e-12 * after.abs() {
@@ -122,7 +100,10 @@ impl Tangential {
     }
 }
 
-serialised_by_name!(Elbow, Tangential);
+carom_study::words! {
+    Elbow { Up "up", Down "down" }
+    Tangential { Grows "grows", Shrinks "shrinks", Reverses "reverses", Appears "appears" }
+}
 
 /// One impact of the experiment.
 #[derive(Debug, Clone)]
@@ -222,7 +203,7 @@ fn velocities_for(chain: &Chain, q: &[f64; 2], u: Vector3<f64>) -> Result<[f64; 
 /// As [`strike`].
 pub fn experiment(chain: &Chain) -> Result<Vec<Run>, SimError> {
     let mut runs = Vec::new();
-    for elbow in Elbow::BOTH {
+    for elbow in Elbow::ALL {
         for speed in SPEEDS {
             for (angle, restitution) in ANGLES_DEG.into_iter().zip(elbow.newton()) {
                 runs.push(strike(chain, elbow, angle, speed, restitution)?);

@@ -106,9 +106,9 @@ impl Paper {
     /// # Errors
     /// [`EvidenceError`] for any other arm.
     pub fn of(arm: &Chain) -> Result<Self, EvidenceError> {
-        let [up, down] = Elbow::BOTH;
+        let [up, down] = Elbow::ALL;
         let mut rows = Vec::new();
-        for elbow in Elbow::BOTH {
+        for elbow in Elbow::ALL {
             let measured = elbow.newton().into_iter().zip(elbow.measured_energy_root());
             for (angle, (e, root)) in ANGLES_DEG.into_iter().zip(measured) {
                 let struck = |e| strike(arm, elbow, angle, SPEED, e);

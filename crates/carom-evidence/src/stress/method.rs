@@ -1,6 +1,5 @@
 //! What a scene of the stress table consists of, and what is measured and told of a method in it.
 
-use crate::serialised_by_name;
 use carom_impact::{Coefficients, LAW_NAMES, Law, law_by_name};
 use serde::Serialize;
 
@@ -47,24 +46,16 @@ pub(crate) enum Verdict {
     Defect,
 }
 
-impl Verdict {
-    /// All of them.
-    pub const ALL: [Self; 6] = [Self::Exact, Self::Within, Self::Degrades, Self::Refused, Self::Fails, Self::Defect];
-
-    /// As the table prints it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Exact => "exact",
-            Self::Within => "within tolerance",
-            Self::Degrades => "degrades",
-            Self::Refused => "refused",
-            Self::Fails => "fails as theory predicts",
-            Self::Defect => "defect",
-        }
+carom_study::words! {
+    Verdict {
+        Exact "exact",
+        Within "within tolerance",
+        Degrades "degrades",
+        Refused "refused",
+        Fails "fails as theory predicts",
+        Defect "defect"
     }
 }
-
-serialised_by_name!(Verdict);
 
 /// Largest figure of [`Verdict::Exact`].
 pub(crate) const EXACT: f64 = 1e-12;

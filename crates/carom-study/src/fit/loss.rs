@@ -7,11 +7,8 @@
 //! | ρ(r) | r², or 2 δ r − δ² beyond δ (P. J. Huber, Ann. Math. Statist. 35 (1964) 73) | `cost` |
 //! | w(r) | ρ'(r)/(2 r): 1, or δ/r beyond δ | `weight` |
 
-use serde::Serialize;
-
 /// Loss as a function of the norm of a measurement's residual.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Loss {
     /// Least squares: efficient for Gaussian noise, not robust against outliers.
     Squares,
@@ -22,15 +19,7 @@ pub enum Loss {
     Huber,
 }
 
-impl Loss {
-    /// Name of the loss: `squares` or `huber`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Squares => "squares",
-            Self::Huber => "huber",
-        }
-    }
-}
+crate::words! { Loss { Huber "huber", Squares "squares" } }
 
 /// A loss with its threshold.
 #[derive(Debug, Clone, Copy)]

@@ -85,8 +85,7 @@ impl Default for FitOptions<'_> {
 }
 
 /// The kind of recording that was fitted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FittedTo {
     /// Velocity jumps.
     Velocities,
@@ -94,15 +93,7 @@ pub enum FittedTo {
     Trajectories,
 }
 
-impl FittedTo {
-    /// Name of the kind: `velocities` or `trajectories`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Velocities => "velocities",
-            Self::Trajectories => "trajectories",
-        }
-    }
-}
+crate::words! { FittedTo { Velocities "velocities", Trajectories "trajectories" } }
 
 /// Result of a fit.
 #[derive(Debug, Clone)]
@@ -145,8 +136,7 @@ pub struct Coefficient {
 }
 
 /// Method of a confidence interval.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Interval {
     /// Profile likelihood with a leverage-corrected sandwich covariance: the values at which the loss, minimised over the
     /// other coefficients, exceeds its minimum by no more than this covariance allows.
@@ -158,16 +148,7 @@ pub enum Interval {
     Alike,
 }
 
-impl Interval {
-    /// Name of the method: `profile`, `bootstrap` or `alike`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Profile => "profile",
-            Self::Bootstrap => "bootstrap",
-            Self::Alike => "alike",
-        }
-    }
-}
+crate::words! { Interval { Profile "profile", Bootstrap "bootstrap", Alike "alike" } }
 
 /// Error of one measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

@@ -90,8 +90,7 @@ impl Orbit {
 const NEUTRAL: f64 = 1e-6;
 
 /// Stability of an orbit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stability {
     /// All |μ| < 1.
     Stable,
@@ -101,16 +100,9 @@ pub enum Stability {
     Unstable,
 }
 
-impl Stability {
-    /// Its name: `stable`, `neutral`, `unstable`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Stable => "stable",
-            Self::Neutral => "neutral",
-            Self::Unstable => "unstable",
-        }
-    }
+crate::words! { Stability { Stable "stable", Neutral "neutral", Unstable "unstable" } }
 
+impl Stability {
     fn of(multipliers: &[Complex<f64>]) -> Self {
         match multipliers.first().map_or(0.0, |largest| largest.norm()) {
             most if most > 1.0 + NEUTRAL => Self::Unstable,

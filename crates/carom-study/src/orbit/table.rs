@@ -4,9 +4,6 @@ use super::{Branch, FAILURES, Problem, Stability};
 use crate::scene_table::coordinate_columns;
 use crate::table::Column;
 
-/// The words of the column of stability.
-const STABILITIES: [Stability; 3] = [Stability::Stable, Stability::Neutral, Stability::Unstable];
-
 impl Problem {
     pub(super) fn state_columns(&self) -> Vec<Column> {
         let chain = &self.scene.simulation.chain;
@@ -30,7 +27,7 @@ impl Problem {
         columns.extend(self.state_columns());
         columns.extend(["start_time", "period"].map(|name| Column::number(name).in_unit("s")));
         columns.extend(["multiplier.re", "multiplier.im", "multiplier.size"].map(Column::number));
-        columns.push(Column::word("stability", STABILITIES.map(Stability::name)));
+        columns.push(Column::word("stability", Stability::ALL.map(Stability::name)));
         columns
     }
 
@@ -48,7 +45,7 @@ impl Branch {
         let row = |point: &super::Point| {
             let orbit = &point.orbit;
             let largest = orbit.multipliers.first().copied().unwrap_or_default();
-            let stability = STABILITIES.iter().position(|it| *it == orbit.stability).unwrap_or_default();
+            let stability = Stability::ALL.iter().position(|it| *it == orbit.stability).unwrap_or_default();
             let first = [point.parameter, self.passages as f64];
             let last = [orbit.start_time, orbit.period, largest.re, largest.im, largest.norm(), stability as f64];
             [&first, orbit.start.q.as_slice(), &orbit.start.qd, &last].concat()

@@ -17,15 +17,7 @@ pub enum Start {
     Given,
 }
 
-impl Start {
-    /// Name of the start: `fitted` or `given`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Fitted => "fitted",
-            Self::Given => "given",
-        }
-    }
-}
+crate::words! { Start { Fitted "fitted", Given "given" } }
 
 /// The start of the roll-out of a toss.
 #[derive(Debug, Clone, PartialEq)]

@@ -46,15 +46,7 @@ pub enum Horizon {
     Early,
 }
 
-impl Horizon {
-    /// Name of the part: `whole` or `early`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Whole => "whole",
-            Self::Early => "early",
-        }
-    }
-}
+crate::words! { Horizon { Whole "whole", Early "early" } }
 
 /// End of [`Horizon::Early`] after the first impact, s.
 const EARLY: f64 = 0.1;
