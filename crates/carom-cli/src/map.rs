@@ -5,6 +5,7 @@ use crate::files::{self, Kind, Outputs};
 use crate::output::{answer_about, short, warn, write_whole};
 use crate::record::{check_map, check_recording, record_map};
 use crate::rows::RowOptions;
+use carom_study::NumberedRows;
 use carom_study::map_study::{Advice, Study};
 use clap::{ArgGroup, Args};
 use serde::Serialize;
@@ -183,11 +184,9 @@ impl MapCommand {
             study.check_advice()?;
         }
         let pool = self.rows.pool()?;
-        let rows = self.rows.rows(study.rows(), |part, parts| study.shard(part, parts));
+        let rows = self.rows.rows(&study);
         if let Some(path) = table {
-            let stop = files::interrupts();
-            self.rows
-                .write((path, rows.clone()), (&pool, &stop), |file, count, stop| study.write(file, count, stop))?;
+            self.rows.write(&study, (path, rows.clone()), (&pool, &files::interrupts()))?;
         }
         if let Some(path) = &files.picture {
             let svg = pool.install(|| study.picture(shown, self.log))?;

@@ -3,10 +3,10 @@
 use crate::error::CliError;
 use crate::files::{self, Kind, Outputs};
 use crate::motion::write_motion;
-use crate::output::{Bar, Printed, answer_about, brief, say, warn, write_whole};
+use crate::output::{Printed, answer_about, brief, say, warn, write_whole};
 use crate::plan::moving_joints;
 use crate::record::Record;
-use crate::rows::RowOptions;
+use crate::rows::{RowOptions, bar};
 use crate::simulate::Tables;
 use carom_study::Diagram;
 use carom_study::orbit::{Attractor, Branch, Orbit, OrbitError, Problem, Special};
@@ -251,14 +251,14 @@ impl OrbitCommand {
             let show = self.show.clone().or(usual).unwrap_or_default();
             cycles = cycles.drawing(&show).map_err(|e| self.refuse(e))?;
         }
-        let rows = self.rows.rows(cycles.rows(), |part, parts| cycles.shard(part, parts));
+        let rows = self.rows.rows(&cycles);
         let count = rows.end - rows.start;
         let pool = self.rows.pool()?;
         if let Some(path) = table {
-            self.rows.write((path, rows), (&pool, stop), |file, count, stop| cycles.write(file, count, stop))?;
+            self.rows.write(&cycles, (path, rows), (&pool, stop))?;
         }
         if let Some(path) = picture {
-            let bar = Bar::new(Some(count), CELLS);
+            let bar = bar(count);
             let diagram = pool.install(|| cycles.picture(&|rows| bar.inc(rows), stop));
             draw(&diagram.ok_or_else(interrupted)?, path)?;
         }
@@ -287,14 +287,14 @@ impl OrbitCommand {
         out: &mut dyn Write,
     ) -> Result<(), CliError> {
         let basin = problem.basin().map_err(|e| self.refuse(e))?;
-        let rows = self.rows.rows(basin.rows(), |part, parts| basin.shard(part, parts));
+        let rows = self.rows.rows(&basin);
         let count = rows.end - rows.start;
         let pool = self.rows.pool()?;
         if let Some(path) = table {
-            self.rows.write((path, rows), (&pool, stop), |file, count, stop| basin.write(file, count, stop))?;
+            self.rows.write(&basin, (path, rows), (&pool, stop))?;
         }
         if let Some(path) = picture {
-            let bar = Bar::new(Some(count), CELLS);
+            let bar = bar(count);
             let svg = pool.install(|| basin.picture(&|cells| bar.inc(cells), stop)).map_err(|e| self.refuse(e))?;
             write_whole(path, &svg.ok_or_else(interrupted)?)?;
         }
@@ -305,9 +305,6 @@ impl OrbitCommand {
         answer_about(&self.problem, out, &done, self.json, print_basin)
     }
 }
-
-/// Progress of rows that are computed for a picture.
-const CELLS: &str = "{bar:40} {human_pos}/{human_len} rows, {per_sec}, {eta} left";
 
 fn interrupted() -> CliError {
     CliError::Input("interrupted: the picture is not written".into())

@@ -3,7 +3,7 @@
 use crate::error::CliError;
 use crate::files::Outputs;
 use crate::output::{Bar, say};
-use carom_study::{RowFile, Written};
+use carom_study::{NumberedRows, RowFile, Written};
 use clap::Args;
 use std::ops::Range;
 use std::path::Path;
@@ -28,6 +28,11 @@ fn parse_shard(text: &str) -> Result<(u64, u64), String> {
         Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
         _ => Err("write part/parts, counted from 1, like 3/64".into()),
     }
+}
+
+/// Progress of so many rows.
+pub fn bar(rows: u64) -> Bar {
+    Bar::new(Some(rows), "{bar:40} {human_pos}/{human_len} rows, {per_sec}, {eta} left")
 }
 
 impl RowOptions {
@@ -76,20 +81,20 @@ impl RowOptions {
         pool.map_err(|e| CliError::Input(format!("--threads: {e}")))
     }
 
-    /// Numbers of the rows that are asked for, of so many; `shard` gives those of a part.
-    pub fn rows(&self, all: u64, shard: impl Fn(u64, u64) -> Option<Range<u64>>) -> Range<u64> {
-        self.shard.and_then(|(part, parts)| shard(part, parts)).unwrap_or(0..all)
+    /// Numbers of the rows of a table that are asked for.
+    pub fn rows(&self, of: &impl NumberedRows) -> Range<u64> {
+        self.shard.and_then(|(part, parts)| of.shard(part, parts)).unwrap_or(0..of.rows())
     }
 
-    /// Writes rows to a file; `write` computes them.
+    /// Writes rows of a table to a file.
     ///
     /// # Errors
-    /// The error of `write`, or [`CliError::Interrupted`].
-    pub fn write<E: Into<CliError> + Send>(
+    /// [`CliError::Input`] of the file, or [`CliError::Interrupted`].
+    pub fn write(
         &self,
+        of: &impl NumberedRows,
         (path, rows): (&Path, Range<u64>),
         (pool, stop): (&rayon::ThreadPool, &AtomicBool),
-        write: impl FnOnce(&RowFile, &(dyn Fn(u64) + Sync), &AtomicBool) -> Result<Written, E> + Send,
     ) -> Result<(), CliError> {
         let total = rows.end - rows.start;
         if let (Some((part, parts)), 0) = (self.shard, total) {
@@ -103,9 +108,8 @@ impl RowOptions {
                 left.display()
             ));
         }
-        let bar = Bar::new(Some(total), "{bar:40} {human_pos}/{human_len} rows, {per_sec}, {eta} left");
-        let written = pool.install(|| write(&file, &|rows| bar.inc(rows), stop));
-        match written.map_err(Into::into)? {
+        let bar = bar(total);
+        match pool.install(|| of.write(&file, &|rows| bar.inc(rows), stop))? {
             Written::Whole => Ok(()),
             Written::Interrupted { rows, partial } => Err(CliError::Interrupted { rows, total, partial }),
         }

@@ -47,15 +47,13 @@ pub fn run((file, scene, plan): (&Path, &Scene, &Plan), asked: &Asked, out: &mut
         ensemble.check_covariance().map_err(no_covariance)?;
     }
     let (pool, stop) = (options.pool()?, files::interrupts());
-    let rows = options.rows(runs, |part, parts| ensemble.shard(part, parts));
+    let rows = options.rows(&ensemble);
     let total = rows.end - rows.start;
     let ended = match table {
-        Some(path) => {
-            options.write((path, rows), (&pool, &stop), |file, count, stop| ensemble.write(file, count, stop))
-        }
+        Some(path) => options.write(&ensemble, (path, rows), (&pool, &stop)),
         None => {
             let bar = Bar::new(Some(total), "{elapsed:>5} {bar:30} {pos}/{len} runs, {eta} to go");
-            pool.install(|| ensemble.rows(rows, &stop, |_| bar.inc(1)));
+            pool.install(|| ensemble.for_each(rows, &stop, |_| bar.inc(1)));
             let count = ensemble.spread().runs;
             if count < total { Err(CliError::InterruptedRuns { count, runs: total }) } else { Ok(()) }
         }

@@ -5,7 +5,7 @@ use crate::error::{raise, warn};
 use crate::text::toml_text;
 use crate::threads::{left_behind, on_all_cores};
 use carom_study::orbit::{OrbitError, Problem, State};
-use carom_study::{RowFile, write_whole};
+use carom_study::{NumberedRows, RowFile, write_whole};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};

@@ -10,7 +10,7 @@ use crate::session::Session;
 use crate::table::Table;
 use crate::threads::{LOOK, interruptible, left_behind};
 use carom_sim::{Columns, Sampling, Seen};
-use carom_study::{Ensemble, SCENE_KEY};
+use carom_study::{Ensemble, NumberedRows, SCENE_KEY};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -183,7 +183,7 @@ impl Scene {
             let part = shard.map(|(part, parts)| ensemble.shard(part, parts));
             let Some(range) = part.unwrap_or(Some(0..count)) else { return Ok(None) };
             let mut rows = Vec::new();
-            ensemble.rows(range, stop, |row| rows.extend(row));
+            ensemble.for_each(range, stop, |row| rows.extend(row));
             Ok(Some((ensemble.columns().to_vec(), rows)))
         })?;
         let Some((columns, rows)) = self.functions.pass(done)? else {

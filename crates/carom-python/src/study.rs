@@ -10,7 +10,7 @@ use crate::text::{by_keys, toml_text};
 use crate::threads::on_all_cores;
 use carom_study::map_study::StudyError;
 use carom_study::{Column, STUDY_KEY};
-use carom_study::{RowFile, Written};
+use carom_study::{NumberedRows, RowFile};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
@@ -193,8 +193,7 @@ impl Study {
     fn write(&self, py: Python<'_>, path: PathBuf, resume: bool) -> PyResult<()> {
         let file = RowFile { path, rows: 0..self.study.rows(), resume };
         let study = &*self.study;
-        let written: Result<Written, StudyError> = on_all_cores(py, |stop| study.write(&file, &|_| {}, stop))?;
-        written.map(drop).map_err(raise)
+        on_all_cores(py, |stop| study.write(&file, &|_| {}, stop))?.map(drop).map_err(raise)
     }
 
     /// One column of the map as a picture, the text of an SVG; log=True: its numbers on a logarithmic scale.

@@ -11,6 +11,7 @@ use crate::layout::{self, Cursor, Tile};
 use crate::rerun;
 use crate::target::{Sink, Target};
 use carom_chain::{Chain, Spatial, Workspace};
+use carom_study::NumberedRows;
 use carom_study::map_study::{Evaluator, Study, StudyError, Values};
 use nalgebra::Vector3;
 

@@ -4,7 +4,6 @@
 use crate::numbered::{self, Block, NumberedRows};
 use crate::scene_table::{SCENE_KEY, state_columns};
 use crate::table::{CHUNK, Column};
-use crate::{RowFile, RowsError, Written};
 use carom_sim::{Columns, Moment, Perturbation, Plan, Sampling, Scene, Seen, SimError, StopReason, Summary};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -246,37 +245,9 @@ impl<'s> Ensemble<'s> {
         Ok(own)
     }
 
-    /// The columns: number, outcome, impacts, time of the first one, events, whether these are those of run 0; disturbed numbers, start, end,
-    /// energies.
-    pub fn columns(&self) -> &[Column] {
-        &self.columns
-    }
-
-    /// Numbers of the runs of part `part` of `parts`, counted from 1. `None` unless `1 ≤ part ≤ parts`.
-    pub fn shard(&self, part: u64, parts: u64) -> Option<Range<u64>> {
-        numbered::shard(self.runs, part, parts)
-    }
-
-    /// Computes and writes the rows `file.rows`. `progress` is called with the number of rows that have been computed since its last call,
-    /// from several threads; setting `stop` ends the computation early and leaves a partial table.
-    ///
-    /// # Errors
-    /// [`RowsError`]: a file cannot be written, another process writes it, or the partial table cannot be resumed.
-    ///
-    /// # Panics
-    /// If `file.rows` ends beyond the last run.
-    pub fn write(
-        &self,
-        file: &RowFile,
-        progress: &(dyn Fn(u64) + Sync),
-        stop: &AtomicBool,
-    ) -> Result<Written, RowsError> {
-        numbered::write(self, file, progress, stop)
-    }
-
     /// Computes runs in parallel, and passes their rows to `each` in the order of their numbers. They do not depend on the number of threads.
     /// Setting `stop` ends this early: runs that have begun are completed, no other begins.
-    pub fn rows(&self, runs: Range<u64>, stop: &AtomicBool, mut each: impl FnMut(Vec<f64>)) {
+    pub fn for_each(&self, runs: Range<u64>, stop: &AtomicBool, mut each: impl FnMut(Vec<f64>)) {
         let (mut first, size) = (runs.start, GROUP * rayon::current_num_threads() as u64);
         while first < runs.end && !stop.load(Ordering::Relaxed) {
             let group = first..runs.end.min(first + size);
@@ -462,6 +433,8 @@ fn columns(scene: &Scene, plan: &Plan, given: &Perturbation) -> Vec<Column> {
 }
 
 impl NumberedRows for Ensemble<'_> {
+    /// The columns: number, outcome, impacts, time of the first one, events, whether these are those of run 0; disturbed numbers, start, end,
+    /// energies.
     fn columns(&self) -> &[Column] {
         &self.columns
     }

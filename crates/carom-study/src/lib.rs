@@ -35,7 +35,7 @@ pub use diagram::{Diagram, LawPoint, hodograph, impulse_space, routh_diagram};
 pub use ensemble::{Covariance, Ensemble, PredictedTime, Runs, Spread};
 pub use feedback::{Growth, Tracked, tracked};
 pub use impact_map::{Approach, MapPoint, tangential_map};
-pub use numbered::{RowFile, RowsError, Written};
+pub use numbered::{NumberedRows, RowFile, RowsError, Written};
 pub use self_motion::{SelfMotionPoint, self_motion};
 pub use table::{Column, TableError};
 pub use tosses::{Horizon, PoseError, RollOut, RollOutOptions, Start, Toss, TossError, TossReport, Tosses};

@@ -26,31 +26,77 @@ const BLOCK_TIME: Duration = Duration::from_millis(100);
 /// Greatest number of chunks in one task of rayon.
 const MOST_CHUNKS: usize = 4;
 
-/// A table whose rows are functions of their number.
-pub(crate) trait NumberedRows: Sync {
+/// A table whose rows are functions of their number: a [map](crate::map_study::Study), [cycles](crate::orbit::Cycles), a
+/// [basin](crate::orbit::Basin), an [ensemble](crate::Ensemble).
+pub trait NumberedRows: Sync {
     /// The columns.
     fn columns(&self) -> &[Column];
 
-    /// Number of rows.
+    /// Number of rows of the whole table.
     fn rows(&self) -> u64;
 
+    /// Row numbers of part `part` of `parts`, counted from 1. The parts are consecutive, and their lengths differ by at most one row. `None`
+    /// unless `1 ≤ part ≤ parts`.
+    fn shard(&self, part: u64, parts: u64) -> Option<Range<u64>> {
+        shard(self.rows(), part, parts)
+    }
+
+    /// Computes and writes the rows `file.rows`. `progress` is called with the number of rows that have been computed since its last call,
+    /// from several threads; setting `stop` ends the run early and leaves a partial table.
+    ///
+    /// # Errors
+    /// [`RowsError`]: a file cannot be written, another process writes it, or the partial table cannot be resumed.
+    /// [`RowsError::Incomplete`] if a partial table is left.
+    ///
+    /// # Panics
+    /// If `file.rows` ends beyond the last row.
+    fn write(&self, file: &RowFile, progress: &(dyn Fn(u64) + Sync), stop: &AtomicBool) -> Result<Written, RowsError>
+    where
+        Self: Sized,
+    {
+        assert!(file.rows.end <= self.rows(), "rows {:?} of {}", file.rows, self.rows());
+        let mut table = Table::create_with(&file.path, self.columns())?;
+        let (key, text) = self.text();
+        table.describe(key, text);
+        let writing = Writing { source: self, file, progress, stop };
+        let done = if file.resume { writing.take_over(&mut table)? } else { 0 };
+        progress(done);
+        let mut next = file.rows.start + done;
+        let written = writing.go_on(&mut table, &mut next);
+        let written = if next < file.rows.end { written } else { written.and_then(|()| table.complete()) };
+        if written.is_err() || next < file.rows.end {
+            return writing.leave(table, done, written);
+        }
+        table.keep()?;
+        if file.resume {
+            // their rows are in the table now
+            let _ = std::fs::remove_file(file.partial());
+            let _ = std::fs::remove_file(file.note());
+        }
+        Ok(Written::Whole)
+    }
+
     /// Key and text of the metadata of a Parquet file.
+    #[doc(hidden)]
     fn text(&self) -> (&'static str, &str);
 
     /// What the rows are computed from: its name in messages, and its text.
+    #[doc(hidden)]
     fn sources(&self) -> Vec<(String, String)>;
 
     /// Number of rows that a block needs in order to keep all threads busy.
+    #[doc(hidden)]
     fn least(&self) -> usize {
         CHUNK
     }
 
     /// Computes the rows of a block, or the first of them if `stop` is set meanwhile; returns how many are computed.
+    #[doc(hidden)]
     fn compute(&self, block: Block) -> usize;
 }
 
 /// Consecutive rows to be computed.
-pub(crate) struct Block<'b> {
+pub struct Block<'b> {
     /// Number of the first row.
     pub first: u64,
     /// Number of rows.
@@ -217,48 +263,10 @@ pub enum RowsError {
     },
 }
 
-/// Numbers of part `part` of `parts` of so many rows, counted from 1. The parts are consecutive, and their lengths differ by at most
-/// one row. `None` unless `1 ≤ part ≤ parts`.
+/// [`NumberedRows::shard`] of so many rows.
 pub(crate) fn shard(rows: u64, part: u64, parts: u64) -> Option<Range<u64>> {
     let until = |part: u64| (u128::from(rows) * u128::from(part) / u128::from(parts)) as u64;
     (1..=parts).contains(&part).then(|| until(part - 1)..until(part))
-}
-
-/// Computes and writes the rows `file.rows` of a table. `progress` is called with the number of rows that have been
-/// computed since its last call, from several threads; setting `stop` ends the run early and leaves a partial table.
-///
-/// # Errors
-/// [`RowsError`]: a file cannot be written, another process writes it, or the partial table cannot be resumed.
-/// [`RowsError::Incomplete`] if a partial table is left.
-///
-/// # Panics
-/// If `file.rows` ends beyond the last row.
-pub(crate) fn write<N: NumberedRows>(
-    source: &N,
-    file: &RowFile,
-    progress: &(dyn Fn(u64) + Sync),
-    stop: &AtomicBool,
-) -> Result<Written, RowsError> {
-    assert!(file.rows.end <= source.rows(), "rows {:?} of {}", file.rows, source.rows());
-    let mut table = Table::create_with(&file.path, source.columns())?;
-    let (key, text) = source.text();
-    table.describe(key, text);
-    let writing = Writing { source, file, progress, stop };
-    let done = if file.resume { writing.take_over(&mut table)? } else { 0 };
-    progress(done);
-    let mut next = file.rows.start + done;
-    let written = writing.go_on(&mut table, &mut next);
-    let written = if next < file.rows.end { written } else { written.and_then(|()| table.complete()) };
-    if written.is_err() || next < file.rows.end {
-        return writing.leave(table, done, written);
-    }
-    table.keep()?;
-    if file.resume {
-        // their rows are in the table now
-        let _ = std::fs::remove_file(file.partial());
-        let _ = std::fs::remove_file(file.note());
-    }
-    Ok(Written::Whole)
 }
 
 /// A table that is being written.

@@ -2,7 +2,7 @@
 
 use base64::Engine;
 use carom_study::map_study::{CLASSES, Study, StudyError, Values};
-use carom_study::self_motion;
+use carom_study::{NumberedRows, self_motion};
 use carom_testing::files::{path, robot};
 use nalgebra::Vector3;
 

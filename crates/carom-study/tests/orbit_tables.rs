@@ -3,7 +3,7 @@
 use crate::orbits::{STEP, biped, close, problem, rolling, walk, wheel};
 use crate::shaken_table::{fold_and_flip, shaken};
 use carom_study::orbit::Problem;
-use carom_study::{RowFile, Written};
+use carom_study::{NumberedRows, RowFile, Written};
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::path::Path;

@@ -1,6 +1,7 @@
 //! The book's page on study files names every key, quantity and class that the parser accepts, and no other.
 #![cfg(unix)]
 
+use carom_study::NumberedRows;
 use carom_study::map_study::{CLASSES, Study};
 use carom_testing::files::{self, Folder};
 use std::collections::BTreeSet;

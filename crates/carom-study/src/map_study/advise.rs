@@ -56,7 +56,7 @@ pub struct Advice {
 pub struct Advised {
     /// Number of the row.
     pub index: u64,
-    /// The row: a number for each of [`Study::columns`].
+    /// The row: a number for each of [`NumberedRows::columns`](crate::NumberedRows::columns).
     pub row: Vec<f64>,
     /// Configuration of the row, rad or m.
     pub q: Vec<f64>,

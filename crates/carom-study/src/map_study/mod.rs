@@ -50,17 +50,15 @@ pub(crate) use picture::MOST_DRAWN;
 pub use picture::Values;
 pub use quantity::CLASSES;
 
-use crate::numbered::{self, Block, NumberedRows};
-use crate::{Column, RowFile, RowsError, STUDY_KEY, Written};
+use crate::numbered::{Block, NumberedRows};
+use crate::{Column, STUDY_KEY};
 use arm::{Engine, Worker};
 use carom_chain::Chain;
 use carom_chain::input::{MESSAGE, shortened};
 use nalgebra::Vector3;
-use std::ops::Range;
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
 
-/// Error in a study file, or while reading or writing the files of a map.
+/// Error in a study file, or of the robot that it names.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StudyError {
@@ -75,9 +73,6 @@ pub enum StudyError {
     /// The robot's URDF is invalid; the message names the file.
     #[error(transparent)]
     Robot(carom_chain::ChainError),
-    /// The map cannot be written, or the partial map of an interrupted run cannot be resumed.
-    #[error(transparent)]
-    Rows(#[from] RowsError),
 }
 
 /// A study with its robot loaded and all of its keys checked.
@@ -97,43 +92,9 @@ pub struct Study {
 }
 
 impl Study {
-    /// Number of rows of the whole map.
-    pub fn rows(&self) -> u64 {
-        self.rows
-    }
-
-    /// Row numbers of part `part` of `parts`, counted from 1. The parts are consecutive, and their lengths differ by at most
-    /// one row. `None` unless `1 ≤ part ≤ parts`.
-    #[doc(hidden)]
-    pub fn shard(&self, part: u64, parts: u64) -> Option<Range<u64>> {
-        numbered::shard(self.rows, part, parts)
-    }
-
-    /// Computes and writes the rows `file.rows` of the map. `progress` is called with the number of rows that have been
-    /// computed since its last call, from several threads; setting `stop` ends the run early and leaves a partial table.
-    ///
-    /// # Errors
-    /// [`StudyError::Rows`]: a file cannot be written, another process writes it, or the partial table cannot be resumed.
-    ///
-    /// # Panics
-    /// If `file.rows` ends beyond [`Study::rows`].
-    pub fn write(
-        &self,
-        file: &RowFile,
-        progress: &(dyn Fn(u64) + Sync),
-        stop: &AtomicBool,
-    ) -> Result<Written, StudyError> {
-        Ok(numbered::write(self, file, progress, stop)?)
-    }
-
     /// The text of the study file.
     pub fn text(&self) -> &str {
         &self.text
-    }
-
-    /// The columns of a row: axes that vary, the configuration if poses come from inverse kinematics, `class`, quantities.
-    pub fn columns(&self) -> &[Column] {
-        &self.columns
     }
 
     /// All axes, also those with one value; the last varies fastest from row to row.
@@ -161,6 +122,7 @@ impl Study {
 }
 
 impl NumberedRows for Study {
+    /// The columns of a row: axes that vary, the configuration if poses come from inverse kinematics, `class`, quantities.
     fn columns(&self) -> &[Column] {
         &self.columns
     }

@@ -9,15 +9,14 @@
 use super::problem::{Grid, Problem, Timed};
 use super::return_map::Period;
 use super::{FAILURES, OrbitError, State};
+use crate::SCENE_KEY;
 use crate::map_study::{MOST_DRAWN, Values};
-use crate::numbered::{self, Block, NumberedRows};
+use crate::numbered::{Block, NumberedRows};
 use crate::table::{CHUNK, Column};
-use crate::{RowFile, RowsError, SCENE_KEY, Written};
 use carom_chain::Coordinates;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::{HashMap, VecDeque};
-use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -115,38 +114,6 @@ impl Problem {
 }
 
 impl Basin<'_> {
-    /// Number of cells.
-    pub fn rows(&self) -> u64 {
-        self.grid.axes.iter().map(|it| it.axis.count()).product()
-    }
-
-    /// The columns: the axes, the outcome, the number of cycles that were run, the period of the attractor in cycles and its state.
-    pub fn columns(&self) -> &[Column] {
-        &self.columns
-    }
-
-    /// Row numbers of part `part` of `parts`, counted from 1. `None` unless `1 ≤ part ≤ parts`.
-    pub fn shard(&self, part: u64, parts: u64) -> Option<Range<u64>> {
-        numbered::shard(self.rows(), part, parts)
-    }
-
-    /// Computes and writes the rows `file.rows`. `progress` is called with the number of rows that have been computed since its last
-    /// call, from several threads; setting `stop` ends the run early and leaves a partial table.
-    ///
-    /// # Errors
-    /// [`RowsError`]: a file cannot be written, another process writes it, or the partial table cannot be resumed.
-    ///
-    /// # Panics
-    /// If `file.rows` ends beyond [`Basin::rows`].
-    pub fn write(
-        &self,
-        file: &RowFile,
-        progress: &(dyn Fn(u64) + Sync),
-        stop: &AtomicBool,
-    ) -> Result<Written, RowsError> {
-        numbered::write(self, file, progress, stop)
-    }
-
     /// The outcomes of the cells that were computed, each with the number of its cells.
     pub fn outcomes(&self) -> Vec<(&str, u64)> {
         let words = self.columns[2].words.iter().map(String::as_str);
@@ -336,12 +303,14 @@ fn letter(k: usize) -> char {
 }
 
 impl NumberedRows for Basin<'_> {
+    /// The columns: the axes, the outcome, the number of cycles that were run, the period of the attractor in cycles and its state.
     fn columns(&self) -> &[Column] {
         &self.columns
     }
 
+    /// Number of cells.
     fn rows(&self) -> u64 {
-        self.rows()
+        self.grid.axes.iter().map(|it| it.axis.count()).product()
     }
 
     fn text(&self) -> (&'static str, &str) {

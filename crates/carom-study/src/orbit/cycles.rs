@@ -3,11 +3,11 @@
 use super::pictures::numbers_of;
 use super::problem::Problem;
 use super::{OrbitError, State};
+use crate::SCENE_KEY;
 use crate::diagram::Diagram;
 use crate::map_study::MOST_DRAWN;
 use crate::numbered::{self, Block, NumberedRows};
 use crate::table::{CHUNK, Column};
-use crate::{RowFile, RowsError, SCENE_KEY, Written};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -72,38 +72,6 @@ impl Problem {
 }
 
 impl Cycles<'_> {
-    /// Number of rows of the whole table.
-    pub fn rows(&self) -> u64 {
-        self.values * self.keep
-    }
-
-    /// The columns: the parameter, the number of the cycle, the state on the section, the outcome.
-    pub fn columns(&self) -> &[Column] {
-        &self.columns
-    }
-
-    /// Row numbers of part `part` of `parts`, counted from 1: whole values of the parameter. `None` unless `1 ≤ part ≤ parts`.
-    pub fn shard(&self, part: u64, parts: u64) -> Option<Range<u64>> {
-        numbered::shard(self.values, part, parts).map(|values| values.start * self.keep..values.end * self.keep)
-    }
-
-    /// Computes and writes the rows `file.rows`. `progress` is called with the number of rows that have been computed since its last
-    /// call, from several threads; setting `stop` ends the run early and leaves a partial table.
-    ///
-    /// # Errors
-    /// [`RowsError`]: a file cannot be written, another process writes it, or the partial table cannot be resumed.
-    ///
-    /// # Panics
-    /// If `file.rows` ends beyond [`Cycles::rows`].
-    pub fn write(
-        &self,
-        file: &RowFile,
-        progress: &(dyn Fn(u64) + Sync),
-        stop: &AtomicBool,
-    ) -> Result<Written, RowsError> {
-        numbered::write(self, file, progress, stop)
-    }
-
     /// The same table, of which a column is kept for [`Cycles::picture`].
     ///
     /// # Errors
@@ -212,12 +180,18 @@ impl Cycles<'_> {
 }
 
 impl NumberedRows for Cycles<'_> {
+    /// The columns: the parameter, the number of the cycle, the state on the section, the outcome.
     fn columns(&self) -> &[Column] {
         &self.columns
     }
 
     fn rows(&self) -> u64 {
-        self.rows()
+        self.values * self.keep
+    }
+
+    /// Whole values of the parameter.
+    fn shard(&self, part: u64, parts: u64) -> Option<Range<u64>> {
+        numbered::shard(self.values, part, parts).map(|values| values.start * self.keep..values.end * self.keep)
     }
 
     fn text(&self) -> (&'static str, &str) {

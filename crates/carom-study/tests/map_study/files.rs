@@ -1,8 +1,8 @@
 //! Files of impact maps: their bytes do not depend on threads, interruptions or shards.
 
 use crate::map_study::study_in;
-use carom_study::map_study::{Study, StudyError};
-use carom_study::{RowFile, RowsError, Written};
+use carom_study::map_study::Study;
+use carom_study::{NumberedRows, RowFile, RowsError, Written};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -215,7 +215,7 @@ fn a_partial_table_of_another_study_or_shard_is_not_resumed() {
     interrupted(&study, &file, 0);
     file.resume = true;
     let refused = |study: &Study, file: &RowFile| match study.write(file, &|_| (), &AtomicBool::new(false)) {
-        Err(StudyError::Rows(RowsError::Resume { reason, .. })) => reason,
+        Err(RowsError::Resume { reason, .. }) => reason,
         other => panic!("{other:?}"),
     };
     let shard = RowFile { rows: 0..10, ..file.clone() };

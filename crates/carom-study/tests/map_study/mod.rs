@@ -5,6 +5,7 @@ mod files;
 mod poses;
 mod rows;
 
+use carom_study::NumberedRows;
 use carom_study::map_study::Study;
 use std::path::{Path, PathBuf};
 

@@ -4,6 +4,7 @@ use crate::map_study::rows::{EVERYTHING, Row, compare, joints};
 use crate::map_study::{refused, robot, study};
 use carom_chain::Chain;
 use carom_impact::Coefficients;
+use carom_study::NumberedRows;
 use carom_study::map_study::Study;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;

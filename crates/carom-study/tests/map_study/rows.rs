@@ -4,6 +4,7 @@ use crate::map_study::{refused, robot, study};
 use carom_chain::{Chain, ToolMotion};
 use carom_impact::{Coefficients, law_by_name};
 use carom_sim::{ChainImpact, Impacts, JointModel};
+use carom_study::NumberedRows;
 use carom_study::map_study::{CLASSES, Evaluator, Study};
 use std::collections::BTreeMap;
 
