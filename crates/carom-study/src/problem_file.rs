@@ -24,16 +24,19 @@ pub(crate) fn read<T, E>(
     Ok(found)
 }
 
-/// Keys of scenes that no problem reads.
-const IDLE: [&str; 2] = ["run.sample", "run.perturb"];
+/// Why no problem reads these keys of scenes.
+const IDLE: &str = "the motions of this problem have no samples and no disturbances: remove it";
+pub(crate) const SAMPLE: &str = "run.sample";
 
-/// The scene of a problem in this folder, `with` other values at the paths of keys.
-pub(crate) fn scene(folder: &Path, scene: &Path, with: &toml::Table) -> Result<Scene, SimError> {
+/// The scene of a problem in this folder, `with` other values at the paths of keys. `idle`: keys that this kind of problems does not read, and
+/// what to do.
+pub(crate) fn scene(folder: &Path, scene: &Path, with: &toml::Table, idle: &[(&str, &str)]) -> Result<Scene, SimError> {
     let scene = Scene::from_file(folder.join(scene))?;
-    let idle = |(key, own): &(&String, &str)| key.starts_with(*own) || is_within(with, key, own);
-    if let Some((_, key)) = with.keys().flat_map(|key| IDLE.map(|own| (key, own))).find(idle) {
-        let rule = format!("with: {key}: the motions of this problem have no samples and no disturbances: remove it");
-        return Err(SimError::Scene { file: scene.files[0].display().to_string(), rule });
+    for (own, why) in [(SAMPLE, IDLE), ("run.perturb", IDLE)].iter().chain(idle) {
+        if with.keys().any(|key| key.starts_with(*own) || is_within(with, key, own)) {
+            let rule = format!("with: {own}: {why}");
+            return Err(SimError::Scene { file: scene.files[0].display().to_string(), rule });
+        }
     }
     if with.is_empty() {
         return Ok(scene);

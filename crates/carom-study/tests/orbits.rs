@@ -475,6 +475,18 @@ fn wrong_problems_are_refused_with_key_value_and_rule() {
             "run.sample: the motions of this problem have no samples",
         ),
         (
+            "section.contact = \"left_leg\"\nwith = { \"run.tolerance\" = 1e-3 }",
+            "with: run.tolerance: orbits are integrated to the tolerance of [orbit]: give it there",
+        ),
+        (
+            "section.period = 0.5\nwith = { \"run.duration\" = 2 }",
+            "run.duration: a passage lasts as long as the period of [section]",
+        ),
+        (
+            "section.contact = \"left_leg\"\nvary = { parameter = \"contact.restitution\", from = 0, to = 2 }",
+            "[vary] contact.restitution = 2: ",
+        ),
+        (
             "section.contact = \"left_leg\"\nwith = { run = { duration = 8, perturb = { q = 0.1 } } }",
             "run.perturb: the motions of this problem have no samples and no disturbances",
         ),

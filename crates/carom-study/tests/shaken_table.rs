@@ -241,3 +241,25 @@ fn a_flip_is_a_branch_point_over_two_periods_and_elastic_pairs_pass_nothing() {
     let elastic = shaken(1.0, 0.4, 0.99, 1).unwrap().branch().unwrap();
     assert!(elastic.points.len() > 10 && elastic.special.is_empty(), "{:?}", elastic.special);
 }
+
+/// Period doubling in a cascade (Feigenbaum 1978): each branch has twice the period of the one before, not an orbit of it run twice, its points
+/// are within the range of the parameter, and each begins beyond the one before.
+#[test]
+fn branches_of_a_cascade_of_doublings_have_their_own_periods_within_the_range() {
+    let to = 1.7055;
+    let problem = shaken(0.5, 1.5, to, 1).unwrap();
+    let (first, all, why) = problem.branches(5).unwrap();
+    assert!(all.len() >= 4, "{} branches: {why:?}", all.len());
+    let mut begins = first.points[0].parameter;
+    for branch in &all {
+        assert!(branch.points[0].parameter > begins, "{} after {begins}", branch.points[0].parameter);
+        begins = branch.points[0].parameter;
+        for point in &branch.points[1..] {
+            assert!((1.5..=to).contains(&point.parameter), "{} passages at {}", branch.passages, point.parameter);
+            let mut cycle = problem.cycle(point.parameter, point.orbit.start.clone()).unwrap();
+            let half = cycle.nth(branch.passages / 2 - 1).unwrap().unwrap();
+            let apart = (half.qd[0] - point.orbit.start.qd[0]).abs();
+            assert!(apart > 1e-6, "{} passages at {}: {apart:e}", branch.passages, point.parameter);
+        }
+    }
+}

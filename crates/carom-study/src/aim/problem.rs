@@ -152,7 +152,7 @@ impl Problem {
     fn read(text: &str, name: String, folder: &Path) -> Result<Self, AimError> {
         let refuse = |rule: String| AimError::File { file: name.clone(), rule };
         let file: File = carom_sim::from_toml(text).map_err(refuse)?;
-        let scene = problem_file::scene(folder, &file.scene, &file.with)?;
+        let scene = problem_file::scene(folder, &file.scene, &file.with, &[])?;
         if scene.simulation.stepping {
             return Err(refuse("scene: its [run] has method = \"steps\", which has no derivatives: remove it".into()));
         }

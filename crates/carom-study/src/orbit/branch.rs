@@ -184,7 +184,7 @@ impl Problem {
         }
         let mut direction = DVector::zeros(n + 1);
         unknown.iter().enumerate().for_each(|(i, k)| direction[*k] = along[i]);
-        let problem = Self { passages: 2 * self.passages, ..problem };
+        let problem = Self { passages: 2 * self.passages, doubled: true, ..problem };
         let look = problem.look(&plan, look.x, parameter.as_ref())?;
         let place = problem.place(&vary, (flip.parameter, plan), look, &direction);
         let doubled = problem.follow_on(&vary, Place { direction, ..place }, (iterations, 0.1 * FIRST))?;
@@ -218,28 +218,31 @@ impl Problem {
                 (branch.ended, branch.end) = ("range", format!("{} = {}, the end of the range", vary.name, vary.to));
                 return Ok(branch);
             }
-            let mut next = problem.next(vary, &here, step);
+            let (mut next, mut is_over) = (problem.next(vary, &here, step), false);
             if next.is_err()
                 && step <= SHORTEST
                 && let Some((longer, over)) = problem.over(vary, &here)?
             {
-                (step, next) = (longer, Ok(over));
+                (step, next, is_over) = (longer, Ok(over), true);
             }
             match next {
                 Ok((there, iterations)) => {
                     let share = beyond(there.value);
+                    // Outside the range are no points of the branch: shorter steps lead to its end.
+                    let outside = !(0.0..1.0).contains(&share);
+                    if outside && step > SHORTEST && !is_over {
+                        step *= 0.5;
+                        continue;
+                    }
+                    if outside {
+                        let (ended, which) =
+                            if share < 0.0 { ("start", "back at the start") } else { ("range", "the end") };
+                        (branch.ended, branch.end) =
+                            (ended, format!("{} = {}, {which} of the range", vary.name, here.value));
+                        return Ok(branch);
+                    }
                     problem.specials(vary, &here, &there, step, &mut branch);
                     branch.points.push(problem.point(&there, iterations));
-                    if share < 0.0 {
-                        let end = format!("{} = {}: back beyond the start of the range", vary.name, there.value);
-                        (branch.ended, branch.end) = ("start", end);
-                        return Ok(branch);
-                    }
-                    if share >= 1.0 {
-                        let end = format!("{} = {}, beyond the end of the range", vary.name, there.value);
-                        (branch.ended, branch.end) = ("range", end);
-                        return Ok(branch);
-                    }
                     here = there;
                     if iterations <= QUICK {
                         step = (1.5 * step).min(LONGEST);
@@ -403,6 +406,9 @@ impl Problem {
             let done = difference(&plan.simulation.chain, &here.look.x, &look.x)?;
             if look.size <= self.converged() {
                 self.check_distance(here, &done, (value - here.value) / range, step)?;
+                if self.doubled {
+                    self.check_double(&plan, &look)?;
+                }
                 return Ok((self.place(vary, (value, plan), look, &here.direction), iteration));
             }
             if look.size > 10.0 * last {
@@ -444,6 +450,13 @@ impl Problem {
         let beside = self.unknown(n).iter().map(|k| (done[*k] - step * here.direction[*k]).powi(2)).sum::<f64>();
         let distance = beside.sqrt().hypot(share - step * here.direction[n]);
         if distance > LONGEST { Err(OrbitError::Apart { distance }) } else { Ok(()) }
+    }
+
+    /// Refuses an orbit of twice the period that is one of the period run twice.
+    fn check_double(&self, plan: &Timed, look: &Look) -> Result<(), OrbitError> {
+        let once = Self { passages: self.passages / 2, ..self.clone() };
+        let size = once.look(plan, look.x.clone(), None)?.size;
+        if size <= self.converged() { Err(OrbitError::Apart { distance: size }) } else { Ok(()) }
     }
 
     /// The special points between two points.

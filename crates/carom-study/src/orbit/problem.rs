@@ -34,6 +34,8 @@ pub struct Problem {
     pub(super) relabel: Vec<Relabelled>,
     /// Number of passages of one period.
     pub(super) passages: usize,
+    /// Whether orbits of half the passages are not meant: on a branch that begins at a flip.
+    pub(super) doubled: bool,
     /// Number of periods before Newton's method begins.
     pub(super) before: usize,
     pub(super) tolerance: f64,

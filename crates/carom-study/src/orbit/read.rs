@@ -96,7 +96,9 @@ impl Problem {
     fn read(text: &str, name: String, folder: &Path) -> Result<Self, OrbitError> {
         let refuse = |rule: String| OrbitError::File { file: name.clone(), rule };
         let file: File = carom_sim::from_toml(text).map_err(refuse)?;
-        let scene = problem_file::scene(folder, &file.scene, &file.with)?;
+        let tolerance = "orbits are integrated to the tolerance of [orbit]: give it there";
+        let idle = ["run.tolerance", "run.accuracy"].map(|key| (key, tolerance));
+        let scene = problem_file::scene(folder, &file.scene, &file.with, &idle)?;
         let plan = scene.plan()?;
         if plan.simulation.stepping {
             return Err(refuse("scene: its [run] has method = \"steps\", and orbits need events: remove it".into()));
@@ -141,9 +143,15 @@ impl Problem {
         }
         let varied = file.vary.iter().flat_map(|keys| keys.set.keys().chain([&keys.parameter]));
         let axes = file.basin.iter().flat_map(|keys| keys.set.keys().chain([&keys.x.what, &keys.y.what]));
-        if let Some(path) = problem_file::given_twice(&file.with, varied.chain(axes)) {
+        let changed: Vec<&String> = varied.chain(axes).collect();
+        if let Some(path) = problem_file::given_twice(&file.with, changed.iter().copied()) {
             let why = "[vary] or [basin] replaces this number at each value: remove it here or there";
             return Err(refuse(format!("with: {path}: {why}")));
+        }
+        let is_duration = file.with.keys().chain(changed).any(|path| path == "run.duration");
+        if matches!(section, Section::After(_)) && is_duration {
+            let why = "run.duration: a passage lasts as long as the period of [section], whatever the duration: remove it, or give section.period";
+            return Err(refuse(why.into()));
         }
         let vary = file.vary.as_ref().map(|keys| vary(keys, &section).map_err(|why| refuse(format!("[vary] {why}"))));
         let problem = Self {
@@ -154,6 +162,7 @@ impl Problem {
             modulo,
             relabel,
             passages: at_least_one("passages", *passages, 1)?,
+            doubled: false,
             before: before.unwrap_or(1),
             tolerance,
             vary: vary.transpose()?,
@@ -166,13 +175,15 @@ impl Problem {
         let problem = Self { basin: grid.transpose()?, ..problem };
         if let Some(grid) = &problem.basin {
             // As below.
-            problem.plan_in(grid, [0, 1].map(|k| grid.axes[k].axis.value(0)))?;
+            let first = [0, 1].map(|k| grid.axes[k].axis.value(0));
+            problem.plan_in(grid, first).map_err(|e| refuse(format!("[basin] at its first values: {e}")))?;
             problem.check_axes(grid)?;
         }
         if let Some(vary) = &problem.vary {
             // A key that leads nowhere, or a value that the scene refuses, is told now.
-            problem.plan(Some(vary.from))?;
-            problem.plan(Some(vary.to))?;
+            for value in [vary.from, vary.to] {
+                problem.plan(Some(value)).map_err(|e| refuse(format!("[vary] {} = {value}: {e}", vary.name)))?;
+            }
         }
         Ok(problem)
     }
@@ -309,6 +320,11 @@ impl Problem {
                 )));
             }
         };
+        if *points < 2 {
+            return Err(refuse(format!(
+                "points = {points}: it must be 2 or more; a number that stays is one of with, or of the start of the scene"
+            )));
+        }
         let axis = Axis::range(what.clone(), unit, [*from, *to], *points).map_err(refuse)?;
         Ok(GridAxis { axis, means })
     }
