@@ -7,21 +7,26 @@ use crate::output::say;
 use carom_chain::Coordinates;
 use carom_sim::Scene;
 use serde::Deserialize;
+use serde::de::IgnoredAny;
+use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A state, or the answer of `carom simulate --json`, whose last state it is.
+/// What is read of the answer of `carom simulate --json`, whose last state it is.
 #[derive(Deserialize)]
-#[serde(untagged, expecting = "an object with q and qd, or the answer of carom simulate --json")]
-enum Given {
-    Summary { joints: Vec<String>, r#final: State },
-    State(State),
+struct Summary {
+    joints: Vec<String>,
+    r#final: State,
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct State {
     time: Option<f64>,
     q: Vec<f64>,
     qd: Vec<f64>,
+    /// Those of an answer, which follow from the state.
+    #[serde(rename = "contacts")]
+    _contacts: Option<IgnoredAny>,
 }
 
 /// Replaces the start of a scene, and its time if the file gives one, and warns where the end of a run does not determine how it goes
@@ -29,17 +34,25 @@ struct State {
 pub fn apply(path: &Path, scene: &mut Scene) -> Result<(), CliError> {
     let refuse = |why: String| CliError::Input(format!("--from-state {}: {why}", path.display()));
     let text = std::fs::read_to_string(path).map_err(|e| CliError::unreadable(path.display(), &e))?;
-    let given: Given =
-        serde_json::from_str(text.trim_start_matches('\u{feff}').trim()).map_err(|e| refuse(e.to_string()))?;
+    let text = text.trim_start_matches('\u{feff}').trim();
+    let unread = |e: serde_json::Error| {
+        refuse(format!(
+            "{e}: it must be an object with q and qd, and time if wanted, or the answer of carom simulate --json"
+        ))
+    };
+    let keys: BTreeMap<String, IgnoredAny> = serde_json::from_str(text).map_err(unread)?;
+    let is_answer = keys.contains_key("final");
     let chain = &scene.simulation.chain;
     let (mut q, mut qd) = (scene.q.clone(), scene.qd.clone());
-    let time = match given {
-        Given::State(state) => {
+    let time = match is_answer {
+        false => {
+            let state: State = serde_json::from_str(text).map_err(unread)?;
             (q, qd) = (state.q, state.qd);
             state.time
         }
         // The plan of the run may have left joints out; they start as the scene says.
-        Given::Summary { joints, r#final: last } => {
+        true => {
+            let Summary { joints, r#final: last } = serde_json::from_str(text).map_err(unread)?;
             let (mut from_q, mut from_qd) = (last.q.iter(), last.qd.iter());
             for name in &joints {
                 let joint = chain.joint(name).map_err(|e| refuse(e.to_string()))?;

@@ -2,6 +2,7 @@
 //! the undisturbed run predict for it.
 
 use crate::numbered::{self, Block, NumberedRows};
+use crate::problem_file::SAMPLE;
 use crate::scene_table::{SCENE_KEY, state_columns};
 use crate::table::{CHUNK, Column};
 use carom_sim::{Columns, Moment, Perturbation, Plan, Sampling, Scene, Seen, SimError, StopReason, Summary};
@@ -77,8 +78,9 @@ pub struct Ensemble<'s> {
     columns: Vec<Column>,
     /// The events of run 0.
     events: Vec<Mark>,
-    /// The end of run 0.
+    /// The end of run 0, and whether its number of events ends it.
     end: Option<Moment>,
+    ends_by_event: bool,
     seen: Mutex<Noted>,
 }
 
@@ -223,6 +225,9 @@ impl<'s> Ensemble<'s> {
     pub fn new(scene: &'s Scene, plan: &'s Plan, runs: u64) -> Result<Self, SimError> {
         let refuse = |rule: String| SimError::Scene { file: String::new(), rule };
         let given = scene.perturbation.as_ref().ok_or_else(|| refuse(ALL_THE_SAME.into()))?;
+        if given.numbers.iter().any(|own| own.path == SAMPLE) {
+            return Err(refuse(format!("[run] perturb.numbers: {SAMPLE}: the runs have no samples: remove it")));
+        }
         let numbers = given.numbers.iter().map(|own| match scene.number(&own.path) {
             Err(SimError::Scene { file, rule }) => Err(refuse(format!("[run] perturb.numbers: {file}: {rule}"))),
             number => number,
@@ -231,8 +236,8 @@ impl<'s> Ensemble<'s> {
         let (seen, columns) = (Mutex::default(), columns(scene, plan, given));
         let of_file =
             if numbers.is_empty() { Default::default() } else { scene.with_values(&[]).map(|it| (it.q, it.qd))? };
-        let (events, end) = (Vec::new(), None);
-        let mut own = Self { scene, plan, given, numbers, of_file, runs, columns, events, end, seen };
+        let (events, end, ends_by_event) = (Vec::new(), None, false);
+        let mut own = Self { scene, plan, given, numbers, of_file, runs, columns, events, end, ends_by_event, seen };
         let mut events = Vec::new();
         let first = plan.stream(scene.duration, Sampling::default(), &mut |seen| {
             if let Seen::Event(event) = seen {
@@ -241,7 +246,11 @@ impl<'s> Ensemble<'s> {
                 events.push((kind, names.collect(), joint.map(str::to_owned)));
             }
         });
-        (own.events, own.end) = (events, first.ok().map(|summary| summary.last));
+        own.events = events;
+        if let Ok(Summary { last, stop, .. }) = first {
+            (own.end, own.ends_by_event) = (Some(last), stop == StopReason::Events);
+        }
+        own.refuse_start_of_file()?;
         Ok(own)
     }
 
@@ -317,10 +326,32 @@ impl<'s> Ensemble<'s> {
         self.differentiated().map(drop)
     }
 
+    /// Refuses disturbed numbers of the start in a scene with a start of one's own: with them comes that of its file.
+    fn refuse_start_of_file(&self) -> Result<(), SimError> {
+        let is_start = |scene: &Scene| (&scene.q, &scene.qd) == (&self.of_file.0, &self.of_file.1);
+        if self.numbers.is_empty() || is_start(self.scene) {
+            return Ok(());
+        }
+        for ((own, number), change) in self.given.numbers.iter().zip(&self.numbers).zip(self.given.changes(1)) {
+            if self.scene.with_values(&[(own.path.clone(), number + change)]).is_ok_and(|it| !is_start(&it)) {
+                let rule = format!(
+                    "[run] perturb.numbers: {} is a number of the start, which is not that of the file: disturb it by perturb.q or perturb.qd",
+                    own.path
+                );
+                return Err(SimError::Scene { file: String::new(), rule });
+            }
+        }
+        Ok(())
+    }
+
     fn differentiated(&self) -> Result<Columns, SimError> {
         let numbers = self.given.numbers.iter().map(|it| it.path.clone());
         let by: Vec<String> = ["q", "qd"].map(String::from).into_iter().chain(numbers).collect();
         let unknown = |rule| SimError::Scene { file: String::new(), rule };
+        if self.ends_by_event {
+            let rule = "the runs end at an event, and the derivatives are those of the state at a fixed time: remove max_events";
+            return Err(unknown(rule.into()));
+        }
         Columns::of(self.plan, &by, |path| self.scene.parameter(path), unknown)
     }
 

@@ -88,9 +88,17 @@ fn a_run_continues_from_the_answer_of_another_one() {
         "--from-state bad.json: q has 1 numbers, 2 are needed (shoulder, elbow)",
     );
     desk.write("bad.json", "{}");
+    let needed = "it must be an object with q and qd, and time if wanted, or the answer of carom simulate --json";
     desk.refused(
         "simulate s.toml --from-state bad.json",
-        "--from-state bad.json: an object with q and qd, or the answer of carom simulate --json",
+        &format!("--from-state bad.json: missing field `q` at line 1 column 2: {needed}"),
+    );
+    desk.write("bad.json", r#"{"q": [0, 0], "qd": [0, 0], "tme": 1}"#);
+    desk.refused(
+        "simulate s.toml --from-state bad.json",
+        &format!(
+            "--from-state bad.json: unknown field `tme`, expected one of `time`, `q`, `qd`, `contacts` at line 1 column 33: {needed}"
+        ),
     );
     refused_with(&desk.run("simulate s.toml --from-state none.json"), "error: none.json: cannot be read");
 }
@@ -139,6 +147,35 @@ fn many_runs_start_as_the_scene_asks_and_do_not_depend_on_threads() {
             desk.run("simulate s.toml --runs 3")
         },
         "s.toml: --runs: the scene has no disturbance, and all runs would be the same: add [run] perturb = { q = …, qd = …, numbers = … }",
+    );
+}
+
+/// A state of one's own is the start of all runs: numbers of the start of the file, which it replaces, can't be disturbed beside it. Derivatives
+/// at a fixed time predict nothing of runs that end at an event.
+#[test]
+fn disturbances_that_runs_cannot_have_are_refused() {
+    let desk = Desk::new();
+    desk.write("state.json", r#"{"q": [0.7, -1.5], "qd": [0.3, -0.9]}"#);
+    let numbers = |name: &str| format!("{SCENE}perturb = {{ numbers = {{ \"{name}\" = 0.01 }} }}\n");
+    desk.write("s.toml", numbers("robot.q[0]"));
+    desk.refused(
+        "simulate s.toml --from-state state.json --runs 2",
+        "s.toml: --runs: [run] perturb.numbers: robot.q[0] is a number of the start, which is not that of the file: disturb it by perturb.q or \
+         perturb.qd",
+    );
+    desk.write("s.toml", numbers("contact.friction"));
+    desk.run("simulate s.toml --from-state state.json --runs 3 --out t.csv -q");
+    let table = desk.read("t.csv");
+    assert_eq!(table.lines().skip(1).filter(|line| line.contains(",0.7,-1.5,0.3,-0.9,")).count(), 3, "{table}");
+    desk.write("s.toml", numbers("run.sample"));
+    desk.refused(
+        "simulate s.toml --runs 2",
+        "s.toml: --runs: [run] perturb.numbers: run.sample: the runs have no samples: remove it",
+    );
+    desk.write("s.toml", format!("{SCENE}max_events = 1\nperturb = {{ q = 0.01 }}\n"));
+    desk.refused(
+        "simulate s.toml --runs 2 --covariance",
+        "s.toml: --covariance: the runs end at an event, and the derivatives are those of the state at a fixed time: remove max_events",
     );
 }
 
