@@ -23,7 +23,7 @@ use crate::contact::Touch;
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
 use crate::motion::{Hold, Lasting, Motion, Near, NonUnique, Scale, is_reached};
-use crate::state::{ContactImpulse, EQUAL, GROWTH, MAX_STEPS, ROUNDING, STEPS, Space};
+use crate::state::{CLEAR, ContactImpulse, EQUAL, GROWTH, MAX_STEPS, ROUNDING, STEPS, Space};
 use carom_chain::urdf::JointType;
 
 impl<'a, 'w, A: Space> Run<'a, 'w, A> {
@@ -60,6 +60,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     /// | the first step reaches states that are none | with a first step that the integrator chooses |
     /// | a step that is tried reaches beyond a jam, which the motion only approaches | to an earlier end: half the way to the jam at most |
     /// | a stiff compliant contact; a slow slip, whose direction turns the faster the slower it is; a kink of a force | explicit and implicit in turn, each with growing patience; if it is rigid for a short time, and after an implicit start that moved, by the next leg |
+    /// | an implicit step without rigid contacts whose equations are not solved | with shorter steps |
     /// | none of them ends the leg | time steps if it is rigid, else an error |
     pub fn leg(&mut self) -> Result<Ending, SimError> {
         let sim = self.motion.sim;
@@ -115,6 +116,12 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                     accuracy.patience = Some((GROWTH as usize).pow(turn / 2));
                     until = if presses { until } else { until.min(self.time + max_step / GROWTH) };
                     next = (accuracy.integrator == Integrator::Radau).then_some(max_step);
+                }
+                Ok(LegEnd { time, y, stalled: Some(_), .. })
+                    if !rigid && accuracy.integrator == Integrator::Radau && accuracy.max_step * pace > CLEAR =>
+                {
+                    (self.time, self.y) = (time, y);
+                    accuracy.max_step /= GROWTH;
                 }
                 done => break done?,
             }
