@@ -2,7 +2,7 @@
 
 use crate::error::CliError;
 use crate::fit::{AtRobot, bar};
-use crate::input::words;
+use crate::input::{Given, words};
 use crate::output::{make_folder, to_json, write_whole};
 use crate::{files, output::answer_about};
 use carom_evidence::compare::{
@@ -123,7 +123,7 @@ struct Report {
 }
 
 impl CompareCommand {
-    pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+    pub fn run(self, given: &Given, out: &mut dyn Write) -> Result<(), CliError> {
         if let Some(folder) = &self.out {
             files::check_folder(folder)?;
         }
@@ -145,6 +145,7 @@ impl CompareCommand {
         let mut own = Vec::new();
         for path in &self.data {
             if is_own(path) {
+                self.at.refuse(given)?;
                 let (impacts, _) = self.at.jumps(path)?;
                 let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
                 let name = if path == Path::new("-") { "impacts".into() } else { stem };
@@ -154,10 +155,19 @@ impl CompareCommand {
                 sets.extend(data_sets(path, &load)?);
             }
         }
-        if own.is_empty() && (self.at.robot.is_some() || self.at.tip.is_some()) {
+        if own.is_empty() {
             let rule = "they belong to your own impacts, and none of the data are: give JSON lines (.jsonl), or a CSV table with \
                         the columns q.<joint>, qd_minus.<joint>, qd_plus.<joint>";
-            return Err(CliError::Input(format!("--robot, --tip: {rule}")));
+            given.refuse(&["robot", "floating", "joints", "tip", "point", "normal"], rule)?;
+        }
+        let rolls = |set: &DataSet| set.is_of_tosses() || set.is_of_landings();
+        if !sets.iter().any(rolls) {
+            let rule = "they are about tosses and landings, and none of the data are: leave them out";
+            given.refuse(&["trials", "tolerance"], rule)?;
+        }
+        if !sets.iter().any(DataSet::is_of_tosses) {
+            let rule = "they are about tosses, and none of the data are: leave them out";
+            given.refuse(&["tosses", "horizon", "judge", "length", "contact-step"], rule)?;
         }
         if let Some(file) = &self.export {
             let cases: Vec<Option<TossCases>> =

@@ -26,7 +26,8 @@ use std::path::Path;
 /// and after (J); work of the normal and of the friction impulse (J); mode (open, stick, slip,
 /// reverse-slip) and flags as in `carom law --help`; what the options below add.
 /// JSON keys: law, q, qd_minus, qd_plus, impulse, u_minus, u_plus, energy_before, energy_after,
-///   mode, normal_work, friction_work, flags; with --law all {"outcomes":[…],"refused":[…]}.
+///   mode, normal_work, friction_work, flags; with --law all {"outcomes":[…]}, and "refused":[…] of laws
+///   without a solution.
 ///   branches: all solutions, if there are several.
 ///   drive_impulse (N m s or N s per joint), drive_work (J): with locked joints or drives.
 ///   derivatives {q, qd, restitution, friction}, mode_margin {margin, edge, beyond}: --derivatives.

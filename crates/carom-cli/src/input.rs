@@ -5,8 +5,9 @@ use crate::output::{PlainLines, say};
 use carom_chain::input::{MESSAGE, MOST_MIB, shortened};
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
 use carom_chain::{Chain, Coordinates, FrameId, JointInfo};
-use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args, Id};
 use serde::{Deserialize, de::DeserializeOwned};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -56,6 +57,27 @@ pub struct LoadArgs {
     /// It replaces drake:rotor_inertia and drake:gear_ratio in a <transmission> of the URDF.
     #[arg(long, value_name = "JOINT=INERTIA", value_parser = parse_rotor, verbatim_doc_comment)]
     pub rotor_inertia: Vec<(String, f64)>,
+}
+
+/// The options of a subcommand that stand on the command line.
+pub struct Given(Vec<String>);
+
+impl Given {
+    pub fn of(matches: &ArgMatches) -> Self {
+        let Some((_, own)) = matches.subcommand() else { return Self(Vec::new()) };
+        let is_given = |id: &&Id| own.value_source(id.as_str()) == Some(ValueSource::CommandLine);
+        Self(own.ids().filter(is_given).map(|id| id.as_str().replace('_', "-")).collect())
+    }
+
+    /// Refuses those of these options that are given, for this reason.
+    pub fn refuse(&self, options: &[&str], why: &str) -> Result<(), CliError> {
+        let found: Vec<String> = options.iter().filter(|it| self.has(it)).map(|it| format!("--{it}")).collect();
+        if found.is_empty() { Ok(()) } else { Err(CliError::Input(format!("{}: {why}", found.join(", ")))) }
+    }
+
+    pub fn has(&self, option: &str) -> bool {
+        self.0.iter().any(|own| own == option)
+    }
 }
 
 impl RobotArgs {

@@ -150,7 +150,8 @@ impl<A: Serialize> All<A> {
 ///   non-unique   other impulses satisfy the law too; the answer lists them as branches
 ///   no-approach  the contact does not approach; the impulse is zero
 /// JSON keys: law, impulse, u_plus, energy_ratio, mode, normal_work and friction_work (J), flags,
-///   branches if there are several; with --law all {"outcomes":[…],"refused":[…]}.
+///   branches if there are several; with --law all {"outcomes":[…]}, and "refused":[…] of laws
+///   without a solution.
 /// Answers are printed in the order of the lines. If a line is refused, the answers to the lines
 /// above it have been printed, no picture and no recording is written, and the exit status is 1.
 #[derive(Args)]

@@ -152,7 +152,9 @@ fn command_line() -> clap::Command {
 
 fn main() -> ExitCode {
     let mut command = command_line();
-    let cli = Cli::from_arg_matches(&command.get_matches_mut()).unwrap_or_else(|e| e.format(&mut command).exit());
+    let matches = command.get_matches_mut();
+    let given = input::Given::of(&matches);
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.format(&mut command).exit());
     output::QUIET.store(cli.quiet, Ordering::Relaxed);
     let stdout = &mut output::PlainLines(io::stdout().lock());
     let done = match cli.command {
@@ -168,8 +170,8 @@ fn main() -> ExitCode {
             Use::Feedback(command) => command.run(stdout),
             Use::Orbit(command) => command.run(stdout),
             Use::Tosses(command) => command.run(stdout),
-            Use::Fit(command) => command.run(stdout),
-            Use::Compare(command) => command.run(stdout),
+            Use::Fit(command) => command.run(&given, stdout),
+            Use::Compare(command) => command.run(&given, stdout),
             Use::Completions(command) => command.run(command_line()),
         },
         Command::Evidence(command) => match command {

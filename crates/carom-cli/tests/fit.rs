@@ -294,6 +294,15 @@ fn laws_are_compared_on_own_impacts() {
     let rule = "they belong to your own impacts, and none of the data are: give JSON lines (.jsonl), or a CSV table with the columns \
                 q.<joint>, qd_minus.<joint>, qd_plus.<joint>";
     desk.refused(&format!("compare data {AT}"), &format!("--robot, --tip: {rule}"));
+    let tosses = "they are about tosses, and none of the data are: leave them out";
+    desk.refused(
+        &format!("compare own.jsonl {AT} --horizon whole --length 0.1"),
+        &format!("--horizon, --length: {tosses}"),
+    );
+    let rolls = "they are about tosses and landings, and none of the data are: leave them out";
+    desk.refused(&format!("compare own.jsonl {AT} --trials 5"), &format!("--trials: {rolls}"));
+    let robot = "they are about a robot, which is missing: give --robot ROBOT.urdf";
+    desk.refused("compare own.jsonl --strict --tip probe", &format!("--tip, --strict: {robot}"));
 }
 
 const LAWS: [&str; 8] =
@@ -315,6 +324,18 @@ fn data_that_cannot_be_fitted_are_refused() {
          configurations q",
     );
     desk.refused("fit --flights jumps.jsonl", "jumps.jsonl: flights need a robot: give --robot");
+    let robot = "they are about a robot, which is missing: give --robot ROBOT.urdf";
+    for (options, named) in [
+        ("--point 0,0,1", "--point"),
+        ("--normal 1,0,0 --joints a", "--joints, --normal"),
+        ("--rotor-inertia a=1", "--rotor-inertia"),
+    ] {
+        desk.refused(&format!("fit --velocities jumps.jsonl {options}"), &format!("{named}: {robot}"));
+    }
+    let folder = "whole tosses take gravity, the normal of the floor, the order of the joints and the points that touch from their folder";
+    desk.refused("fit --tosses . --gravity 0,0,-1 --tip a", &format!("--gravity, --tip: {folder}"));
+    desk.refused("fit --flights . --joints a", "--joints: the tosses of a folder name their columns");
+    desk.refused("fit --flights . --point 0,0,1", "--point: it is a point of the link of --tip: give it, too");
     for (line, message) in [
         (
             json!({"delassus": [[1, 0], [0, 1]], "u_minus": [0, -1]}),

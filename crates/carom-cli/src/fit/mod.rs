@@ -4,7 +4,7 @@ mod read;
 mod report;
 
 use crate::error::CliError;
-use crate::input::{LoadArgs, name, parse_vector, tell, words};
+use crate::input::{Given, LoadArgs, name, parse_vector, tell, words};
 use crate::law::{Refusal, laws};
 use crate::output::{Bar, answer_about};
 use carom_chain::Chain;
@@ -177,7 +177,8 @@ enum Data {
 }
 
 impl FitCommand {
-    pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+    pub fn run(self, given: &Given, out: &mut dyn Write) -> Result<(), CliError> {
+        self.refuse(given)?;
         let Source { velocities, flights, tosses } = &self.source;
         let mut told = Flights::default();
         let path = velocities.as_deref().or(flights.as_deref()).or(tosses.as_deref()).unwrap_or(Path::new("-"));
@@ -222,6 +223,23 @@ impl FitCommand {
         }
         let all = report::All::new(fits.iter().map(|fit| report::Report::new(fit, &told, &self)).collect(), refused);
         answer_about(path, out, &all, self.json, report::table)
+    }
+
+    /// Refuses options that the data make no use of.
+    fn refuse(&self, given: &Given) -> Result<(), CliError> {
+        let Source { flights, tosses, .. } = &self.source;
+        if tosses.is_some() {
+            let why = "whole tosses take gravity, the normal of the floor, the order of the joints and the points that touch from their folder";
+            return given.refuse(&["gravity", "normal", "joints", "tip", "point"], why);
+        }
+        if flights.as_deref().is_some_and(Path::is_dir) {
+            given.refuse(&["joints"], "the tosses of a folder name their columns")?;
+            if self.at.tip.is_none() {
+                given.refuse(&["point"], "it is a point of the link of --tip: give it, too")?;
+            }
+            return Ok(());
+        }
+        self.at.refuse(given)
     }
 
     /// The fit of one law.

@@ -2,7 +2,7 @@
 
 use super::{AtRobot, FitCommand, Flights, middle};
 use crate::error::{CliError, LineError};
-use crate::input::{JointOrder, RobotArgs, for_each_line, name, shorten};
+use crate::input::{Given, JointOrder, RobotArgs, for_each_line, name, shorten};
 use crate::law::square;
 use carom_chain::{Chain, FrameId, FramePoint};
 use carom_study::fit::{ChainJump, FitError, Flight, Joined, MeasuredImpact, join_flights, lowest_point, toss_flights};
@@ -84,6 +84,26 @@ fn refuse(e: &FitError) -> LineError {
 }
 
 impl AtRobot {
+    /// Refuses options about a robot where none is given.
+    pub fn refuse(&self, given: &Given) -> Result<(), CliError> {
+        if self.robot.is_some() {
+            return Ok(());
+        }
+        let options = [
+            "floating",
+            "joints",
+            "tip",
+            "point",
+            "normal",
+            "no-meshes",
+            "strict",
+            "repair",
+            "package-dirs",
+            "rotor-inertia",
+        ];
+        given.refuse(&options, "they are about a robot, which is missing: give --robot ROBOT.urdf")
+    }
+
     fn robot_args(&self) -> Option<RobotArgs> {
         let urdf = self.robot.clone()?;
         Some(RobotArgs { urdf, floating: self.floating, load: self.load.clone() })

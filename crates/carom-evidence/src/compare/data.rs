@@ -56,6 +56,16 @@ pub(super) struct Impacts {
 const IN_ENERGY: &str = "|v − v⁺|/|v⁻| in the metric of the kinetic energy";
 
 impl DataSet {
+    /// Whether it holds whole tosses.
+    pub fn is_of_tosses(&self) -> bool {
+        matches!(self.data, Data::Tosses(..))
+    }
+
+    /// Whether it holds landings.
+    pub fn is_of_landings(&self) -> bool {
+        matches!(self.data, Data::Landings(_))
+    }
+
     /// Single impacts that were measured at a robot, or by contact velocities: a number for each, such as that of its line.
     /// Laws are compared with constant coefficients and with a restitution that depends on the approach speed.
     pub fn of_impacts(name: String, numbers: Vec<i64>, impacts: Vec<MeasuredImpact>) -> Self {
