@@ -137,7 +137,7 @@ impl Solid {
             Self::Capsule { radius, half_length } => (Core::Segment(*half_length), *radius),
             Self::Cylinder { radius, half_length } => (Core::Cylinder { radius: *radius, half: *half_length }, 0.0),
             Self::Box { half } => (Core::Box(*half), 0.0),
-            Self::Hull(hull) => (Core::Points(hull.vertices()), 0.0),
+            Self::Hull(hull) => (Core::Hull(hull), 0.0),
         }
     }
 }
@@ -153,6 +153,8 @@ pub(crate) enum Core<'a> {
     Box(Vector3<f64>),
     /// A cylinder along z.
     Cylinder { radius: f64, half: f64 },
+    /// The convex hull of a mesh.
+    Hull(&'a Hull),
     /// The convex hull of some points; at least one.
     Points(&'a [Vector3<f64>]),
 }
@@ -173,6 +175,7 @@ impl Core<'_> {
                 }
                 Vector3::new(radius * d.x / across, radius * d.y / across, z)
             }
+            Self::Hull(hull) => hull.support(d),
             Self::Points(points) => {
                 let mut best = (f64::NEG_INFINITY, Vector3::zeros());
                 for p in points {
