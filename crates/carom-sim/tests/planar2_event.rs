@@ -33,7 +33,7 @@ fn mass(q: &[f64]) -> Matrix2<f64> {
 }
 
 /// M q̈ = p₃ sin q₂ (q̇₂(2q̇₁ + q̇₂), −q̇₁²)
-fn rate([a, b, va, vb]: State) -> State {
+fn rate([_, b, va, vb]: State) -> State {
     let force = Vector2::new(vb * (2.0 * va + vb), -va * va) * P3 * b.sin();
     let acceleration = mass(&[a, b]).try_inverse().unwrap() * force;
     [va, vb, acceleration[0], acceleration[1]]

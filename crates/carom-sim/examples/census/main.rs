@@ -19,7 +19,7 @@ mod census;
 mod motions;
 mod outcomes;
 
-use census::CENSUSES;
+use census::{CENSUSES, Census};
 use motions::Answer;
 use std::path::Path;
 
@@ -56,9 +56,9 @@ fn main() -> Answer<()> {
         Some("digest") => outcomes::digest(word(1).ok_or("which file?")?),
         Some("differ") => outcomes::differ(word(1).ok_or("which file?")?, word(2).ok_or("which second file?")?),
         Some("list") => {
-            CENSUSES
-                .iter()
-                .for_each(|census| println!("{}: {} scenes, {} in the tests", census.name, census.many, census.few));
+            for Census { name, many, few, least, .. } in CENSUSES {
+                println!("{name}: {many} scenes; in the tests {few}, at least {least} of them right");
+            }
             Ok(())
         }
         Some(name) => judged(name, &args[1..]),

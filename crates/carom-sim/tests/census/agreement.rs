@@ -62,14 +62,14 @@ pub fn judge(seed: u64) -> Verdict {
         || several.non_unique_time > 0.0
         || answer.events.iter().any(|event| event.kind.name() == "non-unique")
     {
-        return Verdict::good(group, "balanced; by time steps, or told to be ambiguous", String::new());
+        return Verdict::open(group, "balanced; by time steps, or told to be ambiguous", String::new());
     }
     let finer = case.run_as(Some(0.02), LIMIT, |scene| {
         scene.simulation.tolerance = (0.01 * scene.simulation.tolerance).max(1e-12);
     });
     let (End::Done(finer), End::Done(up), End::Done(down)) = (finer, nudged(&case, NUDGE), nudged(&case, -NUDGE))
     else {
-        return Verdict::good(group, "balanced; a disturbed run is refused or slow", String::new());
+        return Verdict::open(group, "balanced; a disturbed run is refused or slow", String::new());
     };
     let (off, up, down) = (apart(&answer, &finer), apart(&answer, &up), apart(&answer, &down));
     let (mut growth, mut seen) = (1.0_f64, 0);
@@ -95,5 +95,5 @@ pub fn judge(seed: u64) -> Verdict {
         seen += 1;
     }
     let whole = seen == answer.samples.len();
-    Verdict::good(group, if whole { "agrees to the end" } else { "agrees until disturbances grow" }, String::new())
+    Verdict::right(group, if whole { "agrees to the end" } else { "agrees until disturbances grow" }, String::new())
 }

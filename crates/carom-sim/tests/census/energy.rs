@@ -67,7 +67,8 @@ pub fn balanced(group: &str, case: &Case, every: Option<f64>, limit: f64) -> Res
     let answer = match case.run(every, limit) {
         End::Refused(by, why) => {
             let words: String = why.chars().filter(|c| !c.is_ascii_digit()).take(40).collect();
-            return Err(Verdict::new(group, format!("refused by the {by}: {words}"), false_message(&why), why));
+            let class = format!("refused by the {by}: {words}");
+            return Err(Verdict { right: false, ..Verdict::new(group, class, false_message(&why), why) });
         }
         other => other.done(group)?,
     };
@@ -80,10 +81,10 @@ pub fn balanced(group: &str, case: &Case, every: Option<f64>, limit: f64) -> Res
 pub fn verdict(group: &str, case: &Case, limit: f64) -> Verdict {
     let told = |answer: Answer| match answer.statistics().contact_steps {
         _ if !answer.summary.warnings().is_empty() => {
-            Verdict::good(group, "an error of the balance, told", String::new())
+            Verdict::open(group, "an error of the balance, told", String::new())
         }
-        0 => Verdict::good(group, "balanced", String::new()),
-        _ => Verdict::good(group, "balanced, with time steps", String::new()),
+        0 => Verdict::right(group, "balanced", String::new()),
+        _ => Verdict::right(group, "balanced, with time steps", String::new()),
     };
     balanced(group, case, None, limit).map_or_else(|verdict| verdict, told)
 }

@@ -150,16 +150,16 @@ fn compare(seed: u64) -> Result<Found, SimError> {
 pub fn judge(seed: u64) -> Verdict {
     let group = SCENES[seed as usize % SCENES.len()];
     match watched(3.0 * LIMIT, move || compare(seed)) {
-        None => Verdict::good(group, "slow", String::new()),
+        None => Verdict::open(group, "slow", String::new()),
         Some(Err(panicked)) => Verdict::bad(group, "panic", panicked),
-        Some(Ok(Err(SimError::Overlap { .. }))) => Verdict::good(group, "overlap at the start", String::new()),
-        Some(Ok(Err(why))) => Verdict::good(group, "refused", why.to_string()),
+        Some(Ok(Err(SimError::Overlap { .. }))) => Verdict::open(group, "overlap at the start", String::new()),
+        Some(Ok(Err(why))) => Verdict::open(group, "refused", why.to_string()),
         Some(Ok(Ok(Found::None(why)))) => {
             let digit = |letter: char| letter.is_ascii_digit();
             let reason = why.split(|letter| letter == ':' || digit(letter)).next().unwrap_or_default().to_owned();
-            Verdict::good(group, format!("no estimate ({reason})"), why)
+            Verdict::open(group, format!("no estimate ({reason})"), why)
         }
-        Some(Ok(Ok(Found::NoReference))) => Verdict::good(group, "no reference", String::new()),
+        Some(Ok(Ok(Found::NoReference))) => Verdict::open(group, "no reference", String::new()),
         Some(Ok(Ok(Found::Ratios([worst, of_largest], note)))) => {
             if worst.is_nan() || worst > ALLOWED {
                 return Verdict::bad(group, "worse than ten times its estimate", format!("{worst:.1e} times: {note}"));
@@ -170,7 +170,7 @@ pub fn judge(seed: u64) -> Verdict {
                 x if x < 3.0 => "1/3 to 3",
                 _ => "3 to 10",
             };
-            Verdict::good(group, class, note)
+            Verdict::right(group, class, note)
         }
     }
 }
@@ -219,12 +219,12 @@ fn met(seed: u64) -> Result<Option<[f64; 2]>, SimError> {
 pub fn judge_accuracy(seed: u64) -> Verdict {
     let group = SCENES[seed as usize % SCENES.len()];
     match watched(10.0 * LIMIT, move || met(seed)) {
-        None => Verdict::good(group, "slow", String::new()),
+        None => Verdict::open(group, "slow", String::new()),
         Some(Err(panicked)) => Verdict::bad(group, "panic", panicked),
-        Some(Ok(Err(SimError::Overlap { .. }))) => Verdict::good(group, "overlap at the start", String::new()),
-        Some(Ok(Err(SimError::Accuracy { why, .. }))) => Verdict::good(group, "refused", why),
-        Some(Ok(Err(why))) => Verdict::good(group, "fails", why.to_string()),
-        Some(Ok(Ok(None))) => Verdict::good(group, "no reference", String::new()),
+        Some(Ok(Err(SimError::Overlap { .. }))) => Verdict::open(group, "overlap at the start", String::new()),
+        Some(Ok(Err(SimError::Accuracy { why, .. }))) => Verdict::open(group, "refused", why),
+        Some(Ok(Err(why))) => Verdict::open(group, "fails", why.to_string()),
+        Some(Ok(Ok(None))) => Verdict::open(group, "no reference", String::new()),
         Some(Ok(Ok(Some([error, cost])))) => {
             let note = format!("error {error:.1e} of what was asked for, cost {cost:.2}");
             let class = match () {
@@ -232,7 +232,7 @@ pub fn judge_accuracy(seed: u64) -> Verdict {
                 () if cost > COST => "met at a higher cost",
                 () => "met",
             };
-            Verdict::good(group, class, note)
+            Verdict::right(group, class, note)
         }
     }
 }

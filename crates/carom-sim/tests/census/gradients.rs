@@ -145,22 +145,22 @@ pub fn judge(seed: u64) -> Verdict {
         Ok::<_, String>(compare(scene, seed))
     };
     let found = match watched(3.0 * LIMIT, work) {
-        None => return Verdict::good(group, "slow", String::new()),
+        None => return Verdict::open(group, "slow", String::new()),
         Some(Err(panicked)) => return Verdict::bad(group, "panic", panicked),
-        Some(Ok(Err(_))) => return Verdict::good(group, "refused by the scene", String::new()),
+        Some(Ok(Err(_))) => return Verdict::open(group, "refused by the scene", String::new()),
         Some(Ok(Ok(Err(SimError::Overlap { .. })))) => {
-            return Verdict::good(group, "overlap at the start", String::new());
+            return Verdict::open(group, "overlap at the start", String::new());
         }
         // A tilt of the floor tells corners apart that are one in the plane: there are derivatives from both sides, and they differ.
         Some(Ok(Ok(Err(SimError::Named { what: "parameter", .. })))) => {
-            return Verdict::good(group, "refused by a parameter", String::new());
+            return Verdict::open(group, "refused by a parameter", String::new());
         }
         Some(Ok(Ok(Err(why)))) => return Verdict::bad(group, "refused", why.to_string()),
         Some(Ok(Ok(Ok(found)))) => found,
     };
     if let Some(broken) = &found.by.broken {
         let reason = broken.reason.rsplit(": ").next().unwrap_or_default();
-        return Verdict::good(group, format!("no derivative ({reason})"), String::new());
+        return Verdict::open(group, format!("no derivative ({reason})"), String::new());
     }
     if found.reverse > 1e-9 {
         return Verdict::bad(group, "reverse contradicts forward", format!("{:e}", found.reverse));
@@ -172,7 +172,7 @@ pub fn judge(seed: u64) -> Verdict {
         return Verdict::bad(group, "no differences", String::new());
     };
     if apart.is_nan() || apart > AGREE {
-        return Verdict::good(group, "differences do not converge", String::new());
+        return Verdict::open(group, "differences do not converge", String::new());
     }
     let off = (&found.forward - best).amax() / size(best);
     let kinds: Vec<&str> = found.by.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
@@ -182,5 +182,5 @@ pub fn judge(seed: u64) -> Verdict {
         return Verdict::bad(group, "differences contradict", note);
     }
     let met = kinds.iter().filter(|kind| ["impact", "several", "limit"].contains(kind)).count();
-    Verdict::good(group, if met > 0 { "agrees, through impacts" } else { "agrees" }, note)
+    Verdict::right(group, if met > 0 { "agrees, through impacts" } else { "agrees" }, note)
 }

@@ -1,18 +1,12 @@
-//! Contacts that no joint moves along their normal, or that only one joint moves.
+//! Contacts that no joint moves along their normal.
 //!
 //! A mechanism touches a floor along which all its joints move. The floor can do no work, so that its motion is that of the same
 //! mechanism without the floor. With a vertical slider under it, which gravity presses down, a smooth floor makes the motion that
 //! of the mechanism with this slider locked. The mechanisms are turned at random in space, so that what is zero by the geometry is rounding.
-//!
-//! Blows at random points of robots with one or two joints: what the law answers is finite, u⁺ = J q̇⁺, the work of the impulse is
-//! the change of the energy. A blow that no joint moves along the normal is refused.
 
 use super::build::*;
 use super::case::{Case, End};
 use super::{LIMIT, Verdict, compare};
-use carom_chain::{Chain, FramePoint};
-use carom_impact::{AnyLaw, Coefficients, Flags};
-use carom_sim::Impacts;
 use fastrand::Rng;
 use std::f64::consts::PI;
 
@@ -152,6 +146,10 @@ pub fn cases(seed: u64) -> (String, bool, [Case; 2]) {
     let lift = rng.u8(0..5) == 0;
     let place = Place::random(rng);
     let mut mechanism = mechanism(kind, rng);
+    // Half of the later SCARA arms are folded back; the seeds below 120 are among the reference outcomes.
+    if seed >= 120 && kind < 2 && (seed / NAMES.len() as u64) % 2 == 1 {
+        (mechanism.name, mechanism.q[1]) = ("folded SCARA", PI);
+    }
     let carrier = |joint| Part::new("carrier", "mount", joint, Z, O);
     let (law, several) = (one_of(rng, &LAWS), one_of(rng, &SEVERAL));
     let smooth = lift || several == "energetic" || rng.bool();
@@ -195,12 +193,15 @@ pub fn judge(seed: u64) -> Verdict {
     let (group, lift, [held, free]) = cases(seed);
     let End::Done(wanted) = free.run(None, LIMIT) else { return Verdict::bad(group, "no reference", String::new()) };
     let found = match held.run(None, LIMIT) {
-        End::Refused(_, why) => return Verdict::good(group, "refused", why),
+        End::Refused(_, why) => return Verdict::open(group, "refused", why),
         other => match other.done(&group) {
             Ok(found) => found,
             Err(verdict) => return verdict,
         },
     };
+    if found.scene.simulation.touches.iter().all(|touch| touch.link().is_none()) {
+        return Verdict::bad(group, "no contact is possible", String::new());
+    }
     let (q, qd) = (&found.summary.last.q, &found.summary.last.qd);
     let skip = usize::from(lift);
     let speed = wanted.summary.last.qd.iter().fold(1.0_f64, |most, x| most.max(x.abs()));
@@ -208,99 +209,8 @@ pub fn judge(seed: u64) -> Verdict {
     let note = format!("{off:.1e}, {} time steps, events {:?}", found.statistics().contact_steps, found.names());
     match off {
         // 1e-11 in each step grows by less than a hundred in 0.3 s.
-        _ if off <= 1e-9 && found.statistics().contact_steps > 0 => Verdict::good(group, "right, by time steps", note),
-        _ if off <= 1e-9 => Verdict::good(group, "right", note),
+        _ if off <= 1e-9 && found.statistics().contact_steps > 0 => Verdict::right(group, "right, by time steps", note),
+        _ if off <= 1e-9 => Verdict::right(group, "right", note),
         _ => Verdict::bad(group, "wrong motion", note),
     }
-}
-
-/// A blow at a point of a robot with one or two joints, at which no joint, one joint or both move along the normal.
-pub fn blow(seed: u64) -> Verdict {
-    let rng = &mut Rng::with_seed(seed);
-    let place = Place::random(rng);
-    let two = rng.bool();
-    let axis: [f64; 3] = direction(rng).into();
-    let mut parts = vec![place.mount(), Part::new("a", "mount", "continuous", axis, O).random(rng, 0.5)];
-    let mut tip = "a";
-    if two {
-        let (joint, axis) =
-            (one_of(rng, &["continuous", "prismatic"]), if rng.bool() { axis } else { direction(rng).into() });
-        parts.push(Part::new("b", "a", joint, axis, direction(rng).into()).turned(turn(rng)).random(rng, 0.5));
-        tip = "b";
-    }
-    let chain = match Chain::from_urdf_str(&urdf(&parts), &Default::default()) {
-        Ok(chain) => chain,
-        Err(e) => return Verdict::bad("blow", "no robot", e.to_string()),
-    };
-    let n = chain.nv();
-    let [q, qd] = [1.5, 2.0].map(|size| (0..n).map(|_| within(rng, -size, size)).collect::<Vec<_>>());
-    // On the axis of the last hinge, beside it along a normal in a plane with it, or anywhere.
-    let own = V::from(parts.last().map_or(axis, |part| part.axis));
-    let on_axis = rng.u8(0..3) == 0 && !two;
-    let offset = if on_axis { own * within(rng, -0.5, 0.5) } else { direction(rng) * within(rng, 0.05, 0.8) };
-    let Ok(frame) = chain.frame(tip) else { return Verdict::bad("blow", "no robot", tip.into()) };
-    let mut workspace = chain.workspace();
-    let Ok(kin) = workspace.update(&chain, &q) else { return Verdict::bad("blow", "no robot", tip.into()) };
-    let jacobian = kin.point_jacobian(chain.point(frame, offset));
-    let mut normal = direction(rng);
-    // Normal to what the last joint does.
-    let across = rng.bool() && jacobian.column(n - 1).norm() > 1e-3;
-    if across {
-        let along = V::from_column_slice(jacobian.column(n - 1).as_slice()).normalize();
-        normal = (normal - along * along.dot(&normal)).normalize();
-    }
-    let law = one_of(rng, &LAWS);
-    let mut coefficients = Coefficients::default();
-    (coefficients.restitution, coefficients.friction) = (one_of(rng, &[0.0, 0.5, 1.0]), one_of(rng, &[0.0, 0.3, 1.5]));
-    let Some(law) = AnyLaw::named(law, coefficients) else { return Verdict::bad("blow", "no law", law.into()) };
-    let row = jacobian.transpose() * normal;
-    // What the joints could move it by: the lever of a hinge, and the one of the second, 1 m away from the first.
-    let lever = offset.norm() + if two { 1.0 } else { 0.0 };
-    let most = row.iter().fold(0.0, |most: f64, x: &f64| most.max(x.abs()));
-    let immobile = most <= 1e-14 * lever;
-    let group = match (immobile, two, across) {
-        // 64 ε of the lever is 1.4e-14: what is above it may be moved, or not.
-        _ if !immobile && most < 1e-12 * lever => {
-            return Verdict::good("blow at the bound of mobility", "any", String::new());
-        }
-        (true, ..) => "blow that no joint moves",
-        (_, false, _) => "blow that one joint moves",
-        (_, true, true) => "blow that the first of two joints moves",
-        (_, true, false) => "blow that two joints move",
-    };
-    let done = std::panic::catch_unwind(|| {
-        chain.impact(&q, &qd).at(FramePoint::new(frame, offset)).normal(normal).resolve(&law)
-    });
-    let hit = match done {
-        Err(_) => return Verdict::bad(group, "panic", String::new()),
-        // A wedge is refused too.
-        Ok(Err(why)) => {
-            return Verdict::new(group, "refused", super::energy::false_message(&why.to_string()), why.to_string());
-        }
-        Ok(Ok(hit)) => hit,
-    };
-    let told = hit.flags.contains(Flags::SINGULAR) || hit.flags.contains(Flags::JAM);
-    let speed = row.dot(&nalgebra::DVector::from_column_slice(&qd));
-    if immobile {
-        // Nothing approaches, so that an answer without an impulse is right too.
-        let still = compare(&hit.qd_plus, &qd) <= 1e-9;
-        let note = format!("qd {qd:?} to {:?}, impulse {:?}", hit.qd_plus, hit.impulse.as_slice());
-        return Verdict::new(group, if still { "nothing happens" } else { "an answer" }, !still, note);
-    }
-    let u = &jacobian * nalgebra::DVector::from_column_slice(&hit.qd_plus);
-    let off = (&u - hit.u_plus).norm() / (hit.u_plus.norm() + hit.u_minus.norm());
-    let work = 0.5 * hit.impulse.dot(&(hit.u_minus + hit.u_plus));
-    let gain = hit.energy_after - hit.energy_before;
-    let unpaid = (work - gain).abs() / hit.energy_before;
-    let gained = gain > 1e-9 * hit.energy_before && !hit.flags.contains(Flags::ENERGY_GAIN);
-    let note =
-        format!("u off {off:.1e}, work off {unpaid:.1e}, gain {gain:.1e}, approach {speed:.1e}, flags {:?}", hit.flags);
-    let (class, bad) = match () {
-        () if told => ("flagged", false),
-        () if off > 1e-9 || off.is_nan() => ("u⁺ is not J q̇⁺", true),
-        () if unpaid > 1e-9 || unpaid.is_nan() => ("works do not sum", true),
-        () if gained => ("gain without a flag", true),
-        () => ("right", false),
-    };
-    Verdict::new(group, class, bad, note)
 }

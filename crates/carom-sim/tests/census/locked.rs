@@ -204,7 +204,7 @@ pub fn judge(seed: u64) -> Verdict {
     let answer = match it.case.run(Some(0.01), LIMIT) {
         // A linkage may wedge.
         End::Refused(by, why) if it.free && !energy::false_message(&why) => {
-            return Verdict::good(group, format!("refused by the {by}"), why);
+            return Verdict::open(group, format!("refused by the {by}"), why);
         }
         end => match end.done(&group) {
             Ok(answer) => answer,
@@ -247,7 +247,7 @@ pub fn judge(seed: u64) -> Verdict {
         );
     }
     if it.free {
-        return Verdict::good(group, "closed and balanced", told);
+        return Verdict::right(group, "closed and balanced", told);
     }
     let moved = answer.samples.iter().map(|(_, q, qd)| {
         let speed = qd[..it.joints].iter().fold(0.0_f64, |most, x| most.max(x.abs()));
@@ -271,5 +271,5 @@ pub fn judge(seed: u64) -> Verdict {
         );
     }
     let class = if answer.statistics().contact_steps > 0 { "at rest, by time steps" } else { "at rest" };
-    Verdict::good(group, class, told)
+    Verdict::right(group, class, told)
 }

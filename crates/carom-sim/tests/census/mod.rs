@@ -3,6 +3,7 @@
 //! The tests run a few scenes of each; the example `census` any number, and writes the scene of a seed into a folder.
 
 pub mod agreement;
+pub mod blows;
 pub mod build;
 pub mod case;
 pub mod energy;
@@ -30,16 +31,24 @@ pub struct Verdict {
     /// Kind of the answer.
     pub class: String,
     pub bad: bool,
+    /// Whether the answer has been compared with what it must be, and agrees. An answer that is neither right nor bad is refused, told to be
+    /// uncertain, or has nothing to be compared with.
+    pub right: bool,
     pub note: String,
 }
 
 impl Verdict {
     pub fn new(group: impl Into<String>, class: impl Into<String>, bad: bool, note: String) -> Self {
-        Self { group: group.into(), class: class.into(), bad, note }
+        Self { group: group.into(), class: class.into(), bad, right: !bad, note }
     }
 
-    pub fn good(group: impl Into<String>, class: impl Into<String>, note: String) -> Self {
+    pub fn right(group: impl Into<String>, class: impl Into<String>, note: String) -> Self {
         Self::new(group, class, false, note)
+    }
+
+    /// Neither right nor bad.
+    pub fn open(group: impl Into<String>, class: impl Into<String>, note: String) -> Self {
+        Self { right: false, ..Self::new(group, class, false, note) }
     }
 
     pub fn bad(group: impl Into<String>, class: impl Into<String>, note: String) -> Self {
@@ -83,6 +92,8 @@ pub struct Census {
     /// Scenes in the tests, and by default in the example.
     pub few: u64,
     pub many: u64,
+    /// The least number of right answers among the few.
+    pub least: usize,
     pub judge: fn(u64) -> Verdict,
     /// The scenes of a seed, for a reader.
     pub cases: fn(u64) -> Vec<Case>,
@@ -91,28 +102,45 @@ pub struct Census {
 pub const CENSUSES: &[Census] = &[
     Census {
         name: "immobile",
-        few: 48,
+        few: 240,
         many: 9600,
+        least: 220,
         judge: immobile::judge,
         cases: |seed| immobile::cases(seed).2.into(),
     },
-    Census { name: "blows", few: 2000, many: 1_000_000, judge: immobile::blow, cases: |_| Vec::new() },
-    Census { name: "energy", few: 64, many: 5000, judge: energy::judge, cases: |seed| vec![energy::case(seed).1] },
+    Census { name: "blows", few: 1500, many: 125_000, least: 1300, judge: blows::judge, cases: |_| Vec::new() },
+    Census {
+        name: "energy",
+        few: 64,
+        many: 5000,
+        least: 50,
+        judge: energy::judge,
+        cases: |seed| vec![energy::case(seed).1],
+    },
     Census {
         name: "locked",
         few: 50,
         many: 4400,
+        least: 45,
         judge: locked::judge,
         cases: |seed| {
             let locked = locked::case(seed);
             std::iter::once(locked.case).chain(locked.rigid).collect()
         },
     },
-    Census { name: "wishes", few: 60, many: 2000, judge: wishes::judge, cases: |seed| vec![wishes::wish(seed).case] },
+    Census {
+        name: "wishes",
+        few: 60,
+        many: 2000,
+        least: 36,
+        judge: wishes::judge,
+        cases: |seed| vec![wishes::wish(seed).case],
+    },
     Census {
         name: "extremes",
         few: 24,
         many: 2000,
+        least: 16,
         judge: extremes::judge,
         cases: |seed| vec![extremes::case(seed).1],
     },
@@ -120,6 +148,7 @@ pub const CENSUSES: &[Census] = &[
         name: "agreement",
         few: 6,
         many: 5000,
+        least: 3,
         judge: agreement::judge,
         cases: |seed| vec![agreement::case(seed).1],
     },
@@ -127,14 +156,23 @@ pub const CENSUSES: &[Census] = &[
         name: "gradients",
         few: 12,
         many: 2000,
+        least: 6,
         judge: gradients::judge,
         cases: |seed| vec![gradients::case(seed).1],
     },
-    Census { name: "errors", few: 32, many: 100_000, judge: errors::judge, cases: |seed| vec![errors::case(seed)] },
+    Census {
+        name: "errors",
+        few: 32,
+        many: 100_000,
+        least: 26,
+        judge: errors::judge,
+        cases: |seed| vec![errors::case(seed)],
+    },
     Census {
         name: "accuracy",
         few: 32,
         many: 4000,
+        least: 20,
         judge: errors::judge_accuracy,
         cases: |seed| vec![errors::case(seed)],
     },
@@ -163,8 +201,8 @@ pub fn each<T: Send>(range: Range<u64>, one: impl Fn(u64) -> T + Sync) -> Vec<T>
     found.into_iter().map(|(_, answer)| answer).collect()
 }
 
-/// The table of a census, with the seeds of each kind of bad answer and their notes; and the seeds of all bad answers.
-pub fn report(census: &Census, seeds: Range<u64>) -> (String, Vec<u64>) {
+/// The table of a census, with the seeds of each kind of bad answer and their notes; the number of right answers, and the seeds of all bad ones.
+pub fn report(census: &Census, seeds: Range<u64>) -> (String, usize, Vec<u64>) {
     let first = seeds.start;
     let verdicts = each(seeds.clone(), census.judge);
     let mut groups = BTreeMap::<&str, BTreeMap<(bool, &str), usize>>::new();
@@ -177,7 +215,8 @@ pub fn report(census: &Census, seeds: Range<u64>) -> (String, Vec<u64>) {
         }
     }
     let bad: Vec<u64> = (first..).zip(&verdicts).filter(|(_, verdict)| verdict.bad).map(|(seed, _)| seed).collect();
-    let mut text = format!("{}: {} scenes, {} bad\n", census.name, verdicts.len(), bad.len());
+    let right = verdicts.iter().filter(|verdict| verdict.right).count();
+    let mut text = format!("{}: {} scenes, {right} right, {} bad\n", census.name, verdicts.len(), bad.len());
     text += "\n| scenes | number | answers | bad answers |\n| --- | --- | --- | --- |\n";
     for (group, classes) in groups {
         let listed = |bad: bool| {
@@ -193,5 +232,5 @@ pub fn report(census: &Census, seeds: Range<u64>) -> (String, Vec<u64>) {
             text += &format!("  {seed}: {note}\n");
         }
     }
-    (text, bad)
+    (text, right, bad)
 }

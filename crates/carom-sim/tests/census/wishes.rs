@@ -411,15 +411,15 @@ pub fn judge(seed: u64) -> Verdict {
     let Wish { group, case, check, without } = wish(seed);
     let answer = match case.run(Some(0.005), LIMIT) {
         End::Refused(by, why) if !super::energy::false_message(&why) => {
-            return Verdict::good(group, format!("refused by the {by}"), why);
+            return Verdict::open(group, format!("refused by the {by}"), why);
         }
         other => match other.done(&group) {
             Ok(answer) => answer,
             Err(verdict) => return verdict,
         },
     };
-    let Err(why) = check(&answer) else { return Verdict::good(group, "fulfilled", String::new()) };
+    let Err(why) = check(&answer) else { return Verdict::right(group, "fulfilled", String::new()) };
     let usual = without.and_then(|case| case.load().ok()).map_or_else(Vec::new, |scene| scene.warnings);
     let warned: Vec<_> = answer.scene.warnings.iter().filter(|warning| !usual.contains(warning)).collect();
-    if warned.is_empty() { Verdict::bad(group, "ignored", why) } else { Verdict::good(group, "warned of", why) }
+    if warned.is_empty() { Verdict::bad(group, "ignored", why) } else { Verdict::open(group, "warned of", why) }
 }
