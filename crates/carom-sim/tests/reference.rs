@@ -2,7 +2,7 @@
 #![cfg(unix)]
 
 use carom_impact::{Damping, LAW_NAMES, NormalForce};
-use carom_sim::{Scene, SeveralLaw};
+use carom_sim::{ContactMode, Scene, SeveralLaw};
 use carom_testing::files::{self, Folder};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -88,6 +88,25 @@ fn page_names_the_laws_forces_and_damping_formulas() {
     assert_eq!(named(&page, "### `force`"), set(&NormalForce::NAMES));
     assert_eq!(named(&page, "### `damping`"), set(&Damping::ALL.map(Damping::name)));
     assert_eq!(named(&page, "### `several`"), set(&SeveralLaw::ALL.map(SeveralLaw::name)));
+}
+
+/// In the answer of `carom simulate`.
+#[test]
+fn page_names_the_modes_of_a_run() {
+    let page = files::page("reference-cli.md");
+    let row =
+        page.lines().find(|line| line.starts_with("| `mode` |") && line.contains("`free`")).expect("a row of the mode");
+    let (touch, damping) = (0, 0.0);
+    let modes = [
+        ContactMode::Free,
+        ContactMode::Sliding { touch },
+        ContactMode::Sticking { touch },
+        ContactMode::Latched { touch },
+        ContactMode::Pressing { touch, damping },
+        ContactMode::Several,
+        ContactMode::Stepping,
+    ];
+    assert_eq!(row.split('`').skip(3).step_by(2).collect::<Vec<_>>(), modes.map(ContactMode::name));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use carom_chain::Chain;
 use carom_contact::Obstacle;
-use carom_sim::{ContactMode, EventKind, Simulation};
+use carom_sim::{EventKind, Simulation};
 use carom_testing::build::{O, Part, X, Y, Z, along, ball, chain, floating_box, in_plane, shape};
 use carom_testing::scenes::{G, among, half_space, newton, on_floor, rule, surface};
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -245,12 +245,6 @@ fn a_rod_jams_beside_a_contact_at_rest() {
         assert!(run.summary.last.qd[3].abs() < 1e-15, "{:?}", run.summary.last);
     }
     assert_eq!(jammed, 1);
-}
-
-#[test]
-fn mode_of_several_contacts_is_named_several() {
-    assert_eq!(ContactMode::Several.name(), "several");
-    assert_eq!(ContactMode::Stepping.name(), "stepping");
 }
 
 /// The error of time stepping is of first order in the step, in the mean over many starts.
