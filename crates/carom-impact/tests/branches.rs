@@ -77,6 +77,8 @@ fn painleve_s_rod_has_two_solutions() {
         close(law, (towards[0].impulse - expected).norm(), 0.0, 1e-8);
         let apart = branches(law, rod(), vector![-1.0, 1e-10], e, mu);
         assert_eq!((towards.len(), apart.len(), apart[0].flags), (1, 1, Flags::NO_APPROACH), "{law}");
+        assert_eq!(towards[0].flags, Flags::JAM | Flags::GRAZING, "{law}");
+        assert!(law != "energetic" || towards[0].mode == Mode::Stick, "{:?}", towards[0]);
         close(law, (apart[0].u_plus - all[0].u_plus).norm(), 0.0, 1e-10);
     }
 }
@@ -117,6 +119,10 @@ fn in_the_plane_the_limit_is_the_last_branch() {
             let jams = excess > 1.0 && law != "frictionless";
             let all = branches(law, h, vector![s, 0.0], case.restitution, case.friction);
             assert_eq!((all.len(), all[0].flags.contains(Flags::JAM)), (1 + usize::from(jams), jams), "{law} {case:?}");
+            // Less friction, the other direction, or separation: an ordinary contact that does not approach.
+            let apart = branches(law, h, vector![s, 0.1], case.restitution, case.friction);
+            assert!(jams || all[0].flags == Flags::NO_APPROACH, "{law} {case:?}");
+            assert_eq!((apart.len(), apart[0].flags), (1, Flags::NO_APPROACH), "{law} {case:?}");
             let near = branches(law, h, vector![s, -1e-10], case.restitution, case.friction);
             let last = all.last().unwrap();
             // A share 1e-10/0.02 of the impulse, times the square of the condition (25).

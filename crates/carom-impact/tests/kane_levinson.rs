@@ -4,25 +4,11 @@
 //! those of the laws by Routh's method with 30 digits.
 
 use crate::common::{FOLLOWING, close, pendulum, rough};
-use carom_impact::{
-    Energetic, Flags, Frictionless, ImpactOutcome, ImpactProblem, Law, Mode, Phase, Whittaker, law_by_name,
-};
-use nalgebra::{Matrix2, Vector2, matrix, vector};
+use carom_impact::{Energetic, Flags, ImpactOutcome, ImpactProblem, Law, Mode, Phase, law_by_name};
+use nalgebra::vector;
 
 const E: f64 = 0.5;
 const MU: f64 = 0.5;
-
-fn mass_matrix() -> Matrix2<f64> {
-    let coupling = 0.5 * (10.0_f64).to_radians().cos();
-    matrix![4.0 / 3.0, coupling; coupling, 1.0 / 3.0]
-}
-
-fn jacobian() -> Matrix2<f64> {
-    let (a, b) = ((20.0_f64).to_radians(), (30.0_f64).to_radians());
-    matrix![a.cos(), b.cos(); a.sin(), b.sin()]
-}
-
-const QD: Vector2<f64> = vector![-0.1, -0.2];
 
 fn outcome(law: &str) -> ImpactOutcome<f64, 2> {
     law_by_name::<2>(law, rough(E, MU)).unwrap().resolve(&pendulum()).unwrap()
@@ -57,7 +43,9 @@ fn velocities_and_energies_have_the_reference_digits() {
         close(law, hit.energy_ratio(), ratio, 5e-10);
         close(law, hit.energy_before + hit.energy_change, hit.energy_after, 1e-16);
         assert_eq!(hit.law, law);
+        // The energy paradox: with stick, and not without friction.
         assert_eq!(hit.flags.contains(Flags::ENERGY_GAIN), law == "whittaker");
+        assert_eq!(hit.mode == Mode::Stick, law == "whittaker");
     }
 }
 
@@ -77,29 +65,6 @@ fn slip_stops_in_restitution_and_reverses() {
         close("Wc", wc, -0.005087004833320453, 1e-15);
         close("p1", p1, 0.0974563260904499, 1e-15);
     }
-}
-
-#[test]
-fn joint_velocities_have_the_reference_digits() {
-    for (law, qd) in
-        [("poisson", vector![-0.197179706138, 0.219606684404]), ("energetic", vector![-0.198932335971, 0.223136785377])]
-    {
-        let hit = outcome(law);
-        let jump = mass_matrix().try_inverse().unwrap() * jacobian().transpose() * hit.impulse;
-        close(law, (QD + jump - qd).amax(), 0.0, 5e-13);
-        // Contact-space energy is the whole energy: J is regular.
-        let energy = 0.5 * (QD + jump).dot(&(mass_matrix() * (QD + jump)));
-        close(law, hit.energy_after, energy, 1e-16);
-    }
-}
-
-#[test]
-fn energy_paradox_occurs_with_stick_and_not_without_friction() {
-    let problem = pendulum();
-    let smooth = Frictionless { restitution: E }.resolve(&problem).unwrap();
-    let rough = Whittaker { restitution: E, friction: MU }.resolve(&problem).unwrap();
-    assert!(smooth.energy_change < 0.0 && rough.energy_change > 0.0);
-    assert_eq!(rough.mode, Mode::Stick);
 }
 
 /// Friction beyond `mu_jam` with slip towards `sign B`: the normal velocity first becomes more negative, and the

@@ -73,6 +73,7 @@ fn kane_levinson_numbers_from_a_chain() {
         assert_eq!(hit.flags.contains(Flags::ENERGY_GAIN), ratio > 1.0);
         // The chain has two degrees of freedom and both move the tip: its kinetic energy equals that of the contact.
         assert!((hit.energy_before - hit.contact.energy_before).abs() < 1e-14);
+        assert!((hit.energy_after - hit.contact.energy_after).abs() < 1e-14);
     }
     // dv⁺/de = J dq̇⁺/de, from 30-digit arithmetic, and the velocities of the joints.
     let at = chain.impact(&q, &qd).at(tip).normal([0.0, 1.0, 0.0]);
