@@ -55,28 +55,32 @@ fn a_link_names_its_contacts_on_both_sides() {
     assert_eq!([of("ball1"), of("ball2"), of("ball3")], [vec![0], vec![0, 1], vec![1]]);
 }
 
-/// B8: the first ball strikes two (or four) balls at rest that touch each other.
+/// B8: the first ball strikes two (or four) balls at rest that touch each other. The laws are those of carom-impact, whose tests have more rows.
 #[test]
 fn each_law_of_several_contacts_gives_its_cradle_velocities() {
-    let third = 1.0 / 3.0;
-    let cases: [(usize, f64, SeveralLaw, Vec<f64>); 6] = [
-        (3, 1.0, SeveralLaw::Moreau, vec![-third, 2.0 * third, 2.0 * third]),
-        (3, 1.0, SeveralLaw::Poisson, vec![-third, 2.0 * third, 2.0 * third]),
-        (3, 0.5, SeveralLaw::Moreau, vec![0.0, 0.5, 0.5]),
-        (3, 0.0, SeveralLaw::Moreau, vec![third; 3]),
-        (5, 1.0, SeveralLaw::Moreau, vec![-0.6, 0.4, 0.4, 0.4, 0.4]),
-        (5, 1.0, SeveralLaw::Sequential, vec![0.0, 0.0, 0.0, 0.0, 1.0]),
+    let (third, alike) = (1.0 / 3.0, [1.0; 4]);
+    let energetic = SeveralLaw::Energetic { exponent: 1.5 };
+    let cases: [(f64, SeveralLaw, &[f64], &[f64], f64); 4] = [
+        (0.5, SeveralLaw::Moreau, &alike[..2], &[0.0, 0.5, 0.5], 1e-11),
+        (1.0, SeveralLaw::Poisson, &alike[..2], &[-third, 2.0 * third, 2.0 * third], 1e-11),
+        (1.0, SeveralLaw::Sequential, &alike, &[0.0, 0.0, 0.0, 0.0, 1.0], 1e-11),
+        // As many digits as are known.
+        (1.0, energetic, &[10.0, 1.0], &[-0.006184, 0.006222, 0.999962], 1e-6),
     ];
-    for (count, restitution, several, after) in cases {
-        let contact = ContactRule::new(Frictionless { restitution });
-        let run = struck(&Simulation { several, ..neighbours(row(count), contact) });
+    for (restitution, several, stiffnesses, after, within) in cases {
+        let mut sim = neighbours(row(after.len()), ContactRule::new(Frictionless { restitution }));
+        sim.several = several;
+        sim.touches.iter_mut().zip(stiffnesses).for_each(|(touch, k)| touch.contact.relative_stiffness = *k);
+        let run = struck(&sim);
         let hit = &run.events[0];
         assert!((hit.time - 0.3).abs() < 1e-14, "{several:?} {}", hit.time);
-        for (found, expected) in hit.qd_plus.iter().zip(&after) {
-            assert!((found - expected).abs() < 1e-11, "{several:?} e = {restitution}: {:?}", hit.qd_plus);
+        for (found, expected) in hit.qd_plus.iter().zip(after) {
+            assert!((found - expected).abs() < within, "{several:?} e = {restitution}: {:?}", hit.qd_plus);
         }
         let momentum: f64 = run.summary.last.qd.iter().sum();
         assert!((momentum - 1.0).abs() < 1e-11);
+        let energy: f64 = run.summary.last.qd.iter().map(|v| v * v).sum();
+        assert!(restitution < 1.0 || (energy - 1.0).abs() < 1e-10, "{several:?} {energy}");
     }
 }
 
@@ -144,33 +148,6 @@ fn a_cradle_keeps_its_period_and_energy() {
     assert!(strikes.len() > 9, "{strikes:?}");
     for pair in strikes.windows(2) {
         assert!((pair[1] - pair[0] - half).abs() < 1e-6, "{strikes:?}");
-    }
-}
-
-/// The balls of B8 under the energetic law, whose outcome depends on the stiffnesses; with a middle contact of another
-/// stiffness the ratio counts.
-#[test]
-fn energetic_law_disperses_cradles_as_elastic_contacts_do() {
-    for (exponent, stiffnesses, after) in [
-        (1.0, vec![1.0, 1.0], vec![-0.130262, 0.150230, 0.980032]),
-        (1.5, vec![7.0, 7.0], vec![-0.070952, 0.076403, 0.994549]),
-        (1.5, vec![10.0, 1.0], vec![-0.006184, 0.006222, 0.999962]),
-        (1.5, vec![1.0, 10.0], vec![-0.325713, 0.575813, 0.749900]),
-        (1.5, vec![1.0; 4], vec![-0.07109, -0.03027, -0.01446, 0.12704, 0.98878]),
-    ] {
-        let count = after.len();
-        let contact = ContactRule::new(Frictionless { restitution: 1.0 });
-        let mut sim = neighbours(row(count), contact);
-        sim.several = SeveralLaw::Energetic { exponent };
-        sim.touches.iter_mut().zip(&stiffnesses).for_each(|(touch, k)| touch.contact.relative_stiffness = *k);
-        let run = struck(&sim);
-        // As many digits as are known.
-        let within = if count == 3 { 1e-6 } else { 1e-5 };
-        for (found, expected) in run.events[0].qd_plus.iter().zip(&after) {
-            assert!((found - expected).abs() < within, "{exponent} {stiffnesses:?}: {:?}", run.events[0].qd_plus);
-        }
-        let energy: f64 = run.summary.last.qd.iter().map(|v| v * v).sum();
-        assert!((energy - 1.0).abs() < 1e-10, "{energy}");
     }
 }
 
