@@ -1,36 +1,29 @@
 //! `carom impact` with derivatives and ranges: the additional keys.
 
 use crate::command_line::desk::*;
-use nalgebra::DVector;
+use carom_impact::Energetic;
+use carom_sim::Impacts;
 use serde_json::json;
 
 const IMPACT: &str = "impact planar2.urdf --json --tip tip --normal -1,0,0 --law energetic";
 
+/// The tests of the library compare them with differences.
 #[test]
-fn derivatives_agree_with_central_differences_of_answers() {
+fn derivatives_are_those_of_the_library() {
     let desk = Desk::new();
     let (q, qd) = ([0.78, -1.57], [-0.15, 0.6]);
-    let state = |q: [f64; 2], qd: [f64; 2]| json!({"q": q, "qd": qd});
-    let plus = |q, qd, e: f64, mu: f64| {
-        let args = format!("{IMPACT} --restitution {e} --friction {mu} --states -");
-        vector(&desk.answer(&args, &state(q, qd))["qd_plus"])
-    };
-    let found =
-        desk.answer(&format!("{IMPACT} --restitution 0.35 --friction 0.2 --derivatives --states -"), &state(q, qd));
+    let state = json!({"q": q, "qd": qd});
+    let found = desk.answer(&format!("{IMPACT} --restitution 0.35 --friction 0.2 --derivatives --states -"), &state);
     let by = &found["derivatives"];
-    let step = 1e-5;
-    let agrees = |what: &str, column: DVector<f64>, ahead: DVector<f64>, behind: DVector<f64>| {
-        let off = (column - (ahead - behind) / (2.0 * step)).norm();
-        assert!(off < 1e-7, "{what}: {off:e}");
-    };
-    for k in 0..2 {
-        let moved = |x: [f64; 2], by: f64| if k == 0 { [x[0] + by, x[1]] } else { [x[0], x[1] + by] };
-        let column = |key: &str| matrix(&by[key]).column(k).into_owned();
-        agrees("q", column("q"), plus(moved(q, step), qd, 0.35, 0.2), plus(moved(q, -step), qd, 0.35, 0.2));
-        agrees("qd", column("qd"), plus(q, moved(qd, step), 0.35, 0.2), plus(q, moved(qd, -step), 0.35, 0.2));
+    let arm = carom_testing::files::robot("planar2");
+    let strike = arm.impact(&q, &qd).at(arm.frame("tip").unwrap()).normal([-1.0, 0.0, 0.0]);
+    let expected = strike.derivative(&Energetic { restitution: 0.35, friction: 0.2 }).unwrap();
+    for (key, expected) in [("q", expected.q), ("qd", expected.qd)] {
+        assert!((matrix(&by[key]) - expected).amax() < 1e-14, "{key}");
     }
-    agrees("e", vector(&by["restitution"]), plus(q, qd, 0.35 + step, 0.2), plus(q, qd, 0.35 - step, 0.2));
-    agrees("μ", vector(&by["friction"]), plus(q, qd, 0.35, 0.2 + step), plus(q, qd, 0.35, 0.2 - step));
+    for (key, expected) in [("restitution", expected.restitution), ("friction", expected.friction)] {
+        assert!((vector(&by[key]) - expected).amax() < 1e-14, "{key}");
+    }
     assert_eq!(found["mode_margin"]["edge"], "stops-at-turn");
     // Another order of the joints permutes rows and columns.
     let turned = json!({"q": [q[1], q[0]], "qd": [qd[1], qd[0]]});
@@ -38,7 +31,7 @@ fn derivatives_agree_with_central_differences_of_answers() {
     let other = matrix(&desk.answer(&args, &turned)["derivatives"]["q"]);
     assert_eq!(other[(0, 1)], matrix(&by["q"])[(1, 0)]);
     // Without the options these keys are missing.
-    let plain = desk.answer(&format!("{IMPACT} --restitution 0.35 --friction 0.2 --states -"), &state(q, qd));
+    let plain = desk.answer(&format!("{IMPACT} --restitution 0.35 --friction 0.2 --states -"), &state);
     assert!(["derivatives", "mode_margin", "band"].iter().all(|key| plain.get(key).is_none()));
 }
 

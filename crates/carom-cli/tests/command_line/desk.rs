@@ -2,8 +2,8 @@
 
 use carom_testing::files::Folder;
 pub use carom_testing::tables::cases;
-use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
-use serde_json::{Value, json};
+use nalgebra::{DMatrix, DVector};
+use serde_json::Value;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use std::io::Write;
 use std::process::{Child, Command, Stdio};
@@ -235,12 +235,4 @@ pub fn limb(name: &str, parent: &str, kind: &str, more: &str) -> String {
         r#"<link name="{name}">{INERTIAL}</link><joint name="{kind}_{name}" type="{kind}">
         <parent link="{parent}"/><child link="{name}"/><origin xyz="1 0 0"/>{more}</joint>"#
     )
-}
-
-/// Joint velocities of planar2 that give the tip this velocity in the plane.
-pub fn rates(desk: &Desk, q: [f64; 2], tip: [f64; 2]) -> [f64; 2] {
-    let still = json!({"q": q, "qd": [0, 0]});
-    let jacobian = matrix(&desk.answer("dynamics planar2.urdf --json --tip tip --states -", &still)["jacobian"]);
-    let jacobian = Matrix2::from_fn(|i, j| jacobian[(i, j)]);
-    (jacobian.try_inverse().unwrap() * Vector2::from(tip)).into()
 }

@@ -1,6 +1,7 @@
 //! `carom simulate`: output, files and refusals.
 
 use crate::command_line::desk::*;
+use carom_sim::{Parameter, Scene};
 use carom_testing::files::text;
 use serde_json::Value;
 
@@ -187,9 +188,9 @@ gravity = [0, 0, -9.81]
     }
 }
 
-/// The derivatives of the answer are differences of answers from starts beside that of the scene.
+/// The tests of the library compare them with differences of runs.
 #[test]
-fn sensitivities_agree_with_differences_of_answers() {
+fn sensitivities_are_those_of_the_library() {
     let desk = Desk::new();
     desk.scene(|text| text.replace("friction = 0.0", "friction = 0.1").replace("1e-9", "1e-11"));
     let answer = &desk.one("simulate s.toml --sensitivity --json");
@@ -201,28 +202,21 @@ fn sensitivities_agree_with_differences_of_answers() {
     let rows = own["final"].as_array().unwrap();
     assert_eq!(rows.iter().map(|row| row["of"].as_str().unwrap()).collect::<Vec<_>>(), names[..4]);
 
-    desk.scene(|text| text.replace("friction = 0.0", "friction = 0.1").replace("1e-9", "1e-12"));
-    // The first row of the table is the start, whose velocity the scene gives as that of the tip.
-    done(&desk.run("simulate s.toml --csv start.csv"));
-    let table = desk.read("start.csv");
-    let start: Vec<f64> = table.lines().nth(1).unwrap().split(',').skip(1).map(|x| x.parse().unwrap()).collect();
-    let state = |by: [f64; 4]| {
-        let moved: Vec<f64> = start.iter().zip(by).map(|(x, d)| x + d).collect();
-        desk.write("from.json", serde_json::json!({"q": moved[..2], "qd": moved[2..]}).to_string());
-        let answer = &desk.one("simulate s.toml --from-state from.json --json");
-        let last = [numbers(&answer["final"]["q"]), numbers(&answer["final"]["qd"])].concat();
-        (last, number(&answer["events"][0]["time"]))
+    let scene = Scene::from_file(desk.join("s.toml")).unwrap();
+    let parameters = [Parameter::restitution(), Parameter::friction()];
+    let expected = scene.plan().unwrap().sensitivity(scene.duration, &parameters).unwrap();
+    let agree = |found: &Value, expected: Vec<f64>| {
+        let found = numbers(found);
+        assert_eq!(found.len(), expected.len());
+        found.iter().zip(&expected).for_each(|(x, y)| close("by", *x, *y, 1e-12 * (1.0 + y.abs())));
     };
-    let h = 1e-5;
-    for j in 0..4 {
-        let at = |h: f64| state(std::array::from_fn(|k| if k == j { h } else { 0.0 }));
-        let ((more, later), (less, earlier)) = (at(h), at(-h));
-        for (k, row) in rows.iter().enumerate() {
-            let difference = (more[k] - less[k]) / (2.0 * h);
-            close(names[k], numbers(&row["by"])[j], difference, 1e-5 * (1.0 + difference.abs()));
-        }
-        let difference = (later - earlier) / (2.0 * h);
-        close("time", numbers(&own["events"][0]["time_by"])[j], difference, 1e-5 * (1.0 + difference.abs()));
+    for (row, expected) in rows.iter().zip(expected.last_by.unwrap().row_iter()) {
+        agree(&row["by"], expected.iter().copied().collect());
+    }
+    let events = own["events"].as_array().unwrap();
+    assert_eq!(events.len(), expected.events.len());
+    for (event, expected) in events.iter().zip(expected.events) {
+        agree(&event["time_by"], expected.time_by);
     }
     // Some columns: by names, by words that names begin with, by keys.
     let some = &desk.one("simulate s.toml --sensitivity --wrt friction,qd,contact.friction --json")["sensitivity"];
