@@ -2,7 +2,7 @@
 
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
-use carom_sim::{Moment, Oscillation, Scene, Simulation, Surface, Touch};
+use carom_sim::{ContactMode, Moment, Oscillation, Scene, Simulation, Surface, Touch};
 use carom_testing::build::{O, Part, X, Z, arm_with_hand, ball, chain, shape, two_arms, urdf};
 use carom_testing::scenes::{self, half_space, rule, surface, touching};
 use nalgebra::Vector3;
@@ -113,6 +113,18 @@ shape = { sphere = { centre = [0, 0, 2], radius = 0.5 } }
     let [less, all] = same_motion("reach", &planar2(), &WALL.replace("[contact]", far), &[0, 1], 4);
     let pairs = |sim: &Simulation| sim.touches.iter().filter(|touch| touch.link().is_some()).count();
     assert!(pairs(&less) < pairs(&all));
+
+    // Without any other surface the plan says that there is no contact; nothing is warned of.
+    let scene = scene(&planar2(), &WALL.replace("0.65, 0, 0", "2, 0, 0"));
+    let (plan, warnings) = (scene.plan().unwrap(), &scene.warnings);
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let stated = |decisions: &[carom_sim::Decision], what: &str, choice: &str| {
+        decisions.iter().any(|it| it.what == what && it.choice == choice)
+    };
+    assert!(stated(&plan.kept, "surface", "no contact with a surface"), "{plan:?}");
+    assert!(stated(&plan.left_out, "pair", "tip on surface 1"), "{plan:?}");
+    let run = plan.run(0.1).unwrap();
+    assert_eq!((run.events.len(), run.summary.mode, run.summary.stop.name()), (0, ContactMode::Free, "duration"));
 }
 
 /// Two arms on one base; only one of them can touch the wall.

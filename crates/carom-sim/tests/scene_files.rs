@@ -1,7 +1,7 @@
 //! Scene files: units and bounds of their numbers, messages about refused values, and the bound of a plan.
 
 use carom_chain::ChainError;
-use carom_sim::{Drive, Scene, SeveralLaw, SimError};
+use carom_sim::{Drive, Scene, SeveralLaw, SimError, Transition};
 use carom_testing::build::{O, Part, X, Y, Z, shape, stl, urdf};
 use carom_testing::files::{self, Folder};
 use carom_testing::scenes;
@@ -47,6 +47,25 @@ fn the_frequency_of_a_moving_surface_is_in_hertz() {
         largest = largest.max(place.x.abs());
     }
     assert!(largest > 0.01);
+}
+
+#[test]
+fn latches_and_controllers_are_read_with_their_keys() {
+    let of = |more: &str| read(&format!("{ARM}qd = [-0.4, 0.4]\n{WALL}{more}")).unwrap().simulation;
+    for latch in ["contact = { latch = true }\n", "[contact]\nlatch = true\n"] {
+        let mut touches = of(&format!("{latch}[run]\nduration = 1\n")).touches;
+        touches.retain(|touch| touch.link().is_some());
+        assert!(!touches.is_empty() && touches.iter().all(|touch| touch.contact.latch), "{latch}: {touches:?}");
+    }
+    let transition = "[run]\nduration = 1\ncontroller = \"transition\"\ngain = 60\n";
+    for (keys, press, compensate) in [("press = 0.5\n", 0.5, true), ("compensate = false\n", 0.0, false)] {
+        let Drive::Transition(found) = of(&format!("{transition}{keys}")).drive else { panic!("{keys}") };
+        let Transition { gain, .. } = found;
+        assert_eq!((gain, found.press, found.compensate), (60.0, press, compensate), "{keys}");
+    }
+    let changes = "[run]\nduration = 1\ncontroller = \"gravity-compensation\"\nafter_impact = \"pd\"\nkp = 10\nkd = 1\ntarget = [0.7, -1.5]\n";
+    let sim = of(changes);
+    assert!(matches!((&sim.drive, &sim.after_impact), (Drive::GravityCompensation, Some(Drive::Pd(_)))), "{sim:?}");
 }
 
 #[test]

@@ -273,7 +273,7 @@ fn the_last_pair_that_sets_a_value_wins() {
             .map(|name| format!("[[robot]]\nname = \"{name}\"\n{BALL}position = [0, 0, {}]\n", name.len()))
             .concat();
         let robots = robots.replacen("[0, 0, 1]", "[1, 0, 1]", 1).replacen("[0, 0, 1]", "[2, 0, 1]", 1);
-        format!("{robots}{FLOOR}contact = {{ friction = 0.3 }}\n{RUN}{pairs}")
+        format!("{robots}{FLOOR}contact = {{ restitution = 0.7, friction = 0.3 }}\n{RUN}{pairs}")
     };
     let found = |pairs: &str, name: &str| {
         let text = text("").replace("[run]", &format!("{pairs}[run]"));
@@ -284,14 +284,16 @@ fn the_last_pair_that_sets_a_value_wins() {
     };
     let pair = |keys: &str| format!("[[contact.pair]]\n{keys}\n");
     assert_eq!(found("", "a/ball on b/ball"), (0.6, 0.0));
-    assert_eq!(found("", "a/ball on floor"), (0.6, 0.3));
+    assert_eq!(found("", "a/ball on floor"), (0.7, 0.3));
     let turned = pair("link = \"b/ball\"\nsurface = \"a/ball\"\nrestitution = 0.2");
     assert_eq!(found(&turned, "a/ball on b/ball"), (0.2, 0.0));
     assert_eq!(found(&turned, "a/ball on c/ball"), (0.6, 0.0));
     let robot = pair("link = \"b\"\nfriction = 0.9");
     assert_eq!(found(&(turned.clone() + &robot), "a/ball on b/ball"), (0.2, 0.9));
-    assert_eq!(found(&robot, "b/ball on floor"), (0.6, 0.9));
-    assert_eq!(found(&robot, "a/ball on floor"), (0.6, 0.3));
+    assert_eq!(found(&robot, "b/ball on floor"), (0.7, 0.9));
+    assert_eq!(found(&robot, "a/ball on floor"), (0.7, 0.3));
+    let ground = pair("link = \"a/ball\"\nsurface = \"floor\"\nrestitution = 0.5");
+    assert_eq!(found(&ground, "a/ball on floor"), (0.5, 0.3));
     let later = pair("surface = \"a\"\nlink = \"b\"\nrestitution = 0.4");
     assert_eq!(found(&(turned + &robot + &later), "a/ball on b/ball"), (0.4, 0.9));
 }

@@ -34,15 +34,6 @@ impl Desk {
         (serde_json::from_str(&ran.out).unwrap(), ran.err)
     }
 
-    /// Velocities of the tip before and after the first impact, x and y.
-    #[track_caller]
-    fn impact(&self, scene: &str) -> ([f64; 2], [f64; 2]) {
-        let (run, _) = self.told("simulate", scene);
-        let impact = &run["events"][0]["impact"];
-        let pair = |key: &str| [0, 1].map(|k| impact[key][k].as_f64().unwrap_or_else(|| panic!("{run}")));
-        (pair("u_minus"), pair("u_plus"))
-    }
-
     /// Checks for exit status 1, this message, no answer and no new file.
     #[track_caller]
     fn refuses(&self, scene: &str, message: &str) {
@@ -72,32 +63,6 @@ fn shaped(shape: &str) -> String {
     SCENE.replace("halfspace = { point = [0.6364, 0, 0], normal = [-1, 0, 0] }", shape)
 }
 
-/// The coefficient of a surface replaces that of `[contact]`, and that of a pair replaces both.
-#[test]
-fn restitution_of_a_pair_precedes_that_of_a_surface_and_of_the_scene() {
-    let desk = Desk::new();
-    let own = "contact = { restitution = 0.9 }";
-    let pair = "[[contact.pair]]\nlink = \"tip\"\nsurface = \"surface 1\"\nrestitution = 0.5";
-    let both = at("#surface", own).replace("#contact", pair);
-    for (scene, e) in [(SCENE.to_owned(), 0.35), (at("#surface", own), 0.9), (at("#contact", pair), 0.5), (both, 0.5)] {
-        let (before, after) = desk.impact(&scene);
-        // Newton's ratio of normal velocities, which holds without friction, to rounding.
-        assert!((after[0] + e * before[0]).abs() < 1e-14, "{e}: {before:?} {after:?}");
-    }
-}
-
-/// Friction changes the tangential velocity after the impact; the answer names the law of the surface.
-#[test]
-fn surfaces_may_have_their_own_friction_and_law() {
-    let desk = Desk::new();
-    let (_, without) = desk.impact(SCENE);
-    let rough = at("#surface", "contact = { friction = 0.3, law = \"poisson\" }");
-    let (_, with) = desk.impact(&rough);
-    assert!((with[1] - without[1]).abs() > 0.01, "{with:?} {without:?}");
-    let (run, _) = desk.told("simulate", &rough);
-    assert_eq!(run["events"][0]["impact"]["law"], "poisson");
-}
-
 /// The limits of a joint have their own restitution: the elbow rebounds with e times its velocity.
 #[test]
 fn a_pair_may_be_the_limits_of_a_joint() {
@@ -109,51 +74,6 @@ fn a_pair_may_be_the_limits_of_a_joint() {
     assert_eq!((event["kind"].as_str(), event["contact"].as_str()), (Some("limit"), Some("elbow")));
     let rate = |key: &str| event[key][1].as_f64().unwrap();
     assert!((rate("qd_plus") + 0.6 * rate("qd_minus")).abs() < 1e-14, "{event}");
-}
-
-/// The velocities of an impact are relative to the surface: a wall that moves towards the tip adds to them.
-#[test]
-fn the_velocity_of_a_moving_surface_adds_to_the_approach_velocity() {
-    let desk = Desk::new();
-    // s = 0.01 sin(2π t) along the normal: at the start the wall approaches at 0.0628 m/s.
-    let moving = at("#surface", "motion = { amplitude = [-0.01, 0, 0], frequency = 1 }");
-    let ((still, _), (before, after)) = (desk.impact(SCENE), desk.impact(&moving));
-    // Both impacts are about 30 µs after the start, within which no velocity changes by more than 1e-5 m/s.
-    assert!((before[0] - (still[0] + 0.01 * std::f64::consts::TAU)).abs() < 1e-5, "{still:?} {before:?}");
-    assert!((after[0] + 0.35 * before[0]).abs() < 1e-14, "{before:?} {after:?}");
-}
-
-/// A contact that has latched stays at rest.
-#[test]
-fn a_latched_contact_stays_at_rest() {
-    let desk = Desk::new();
-    for scene in [at("#surface", "contact = { latch = true }"), at("#contact", "latch = true")] {
-        let (run, _) = desk.told("simulate", &scene);
-        assert_eq!(run["events"][0]["kind"], "latch");
-        let speeds = run["final"]["qd"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap().abs());
-        // The latch holds two directions of two joints, so only rounding of 0.44 rad/s remains.
-        assert!(speeds.fold(0.0, f64::max) < 1e-14, "{run}");
-    }
-}
-
-#[test]
-fn every_controller_changes_the_motion() {
-    let desk = Desk::new();
-    desk.write("torque.csv", "time,shoulder,elbow\n0,0,0\n0.05,1,0\n0.1,0,0\n");
-    let gains = "kp = 10\nkd = 1\ntarget = [0.7, -1.5]";
-    let cases = [
-        "controller = \"transition\"\ngain = 60\npress = 0.5".to_owned(),
-        "controller = \"transition\"\ngain = 60\ncompensate = false".to_owned(),
-        format!("controller = \"impact-invariant\"\n{gains}"),
-        "controller = \"torque-file\"\ntorque_file = \"torque.csv\"".to_owned(),
-        "controller = \"constant\"\ntorque = [0.5, 0]".to_owned(),
-        format!("controller = \"gravity-compensation\"\nafter_impact = \"pd\"\n{gains}"),
-    ];
-    let end = |lines: &str| desk.told("simulate", &at("#run", lines)).0["final"]["q"].clone();
-    let off = end("");
-    for lines in &cases {
-        assert_ne!(end(lines), off, "the controller changes the motion: {lines}");
-    }
 }
 
 #[test]
@@ -443,21 +363,6 @@ fn a_plan_has_the_documented_keys() {
     let (full, _) = desk.told("plan", &scene.replace("neglect = 0.5", "model = \"full\""));
     assert_eq!(choices(&full, "kept", "model"), ["everything, in space"]);
     assert!(choices(&full, "left_out", "space").is_empty() && full["bounded"].as_array().unwrap().is_empty());
-}
-
-/// A surface that no link reaches is left out by the plan and gives no events in a run.
-#[test]
-fn a_surface_out_of_reach_is_left_out_without_a_warning() {
-    let desk = Desk::new();
-    let far = SCENE.replace("0.6364, 0, 0", "2, 0, 0");
-    let (plan, said) = desk.told("plan", &far);
-    assert_eq!(said, "");
-    assert_eq!(choices(&plan, "kept", "surface"), ["no contact with a surface"]);
-    assert!(choices(&plan, "left_out", "pair").contains(&"tip on surface 1"), "{plan}");
-    let (run, said) = desk.told("simulate", &far);
-    assert_eq!(said, "");
-    assert_eq!((run["events"].as_array().unwrap().len(), run["mode"].as_str()), (0, Some("free")));
-    assert_eq!(run["stop_reason"], "duration");
 }
 
 /// Longer lists than a vector has numbers, and settings of the computation as parameters, are errors.
