@@ -139,7 +139,7 @@ fn unused_elements_and_attributes_are_listed_in_warnings() {
         "<robot name='r' xmlns:x='x'>
               <link name='a'>
                 <visual><geometry/></visual><visual/>
-                <collision><origin xzy='1 0 0'/><geometry><sphere radius='1'/></geometry><verbose/></collision>
+                <collision><origin xzy='1 0 0'/><geometry><sphere radius='1'/></geometry><verbose/></collision><self_collision_checking/>
               </link>
               <material/>
               <transmission name='t'><joint name='j'/></transmission>
@@ -151,6 +151,7 @@ fn unused_elements_and_attributes_are_listed_in_warnings() {
             .into(),
         &[
             "<origin xzy> (line 4) is not used: it is unknown",
+            "<self_collision_checking> (line 4) is not used: it is unknown",
             "<gazebo> (line 10) is not used",
             "<material> (line 6) is not used",
             "<transmission> (3 times, first on line 7) is not used",

@@ -36,24 +36,6 @@ fn invalid_robots_are_refused_by_every_command_with_the_same_message() {
 }
 
 #[test]
-fn invalid_inertia_is_a_warning_on_a_fixed_link_and_refused_on_a_moving_one() {
-    let desk = Desk::new();
-    let bad = INERTIAL.replace(r#"<mass value="1"/>"#, r#"<mass value="-1"/>"#);
-    desk.write("r.urdf", robot(&format!(r#"<link name="a">{bad}</link>"#)));
-    let report = &desk.one("inspect r.urdf --json");
-    assert_eq!(
-        texts(&report["warnings"]),
-        [
-            "link 'a' <mass> (line 1): -1 kg is negative: the mass of a body must be positive; not used, since the link never moves"
-        ]
-    );
-    desk.refused(
-        "inspect r.urdf --floating",
-        "r.urdf:1: link 'a' <mass value>: -1 kg is negative: the mass of a body must be positive",
-    );
-}
-
-#[test]
 fn massless_moving_links_are_accepted_if_a_link_below_has_inertia() {
     let desk = Desk::new();
     let two = |offset: &str| {
@@ -78,40 +60,38 @@ fn massless_moving_links_are_accepted_if_a_link_below_has_inertia() {
     );
 }
 
+/// The tests of carom-chain have the texts.
 #[test]
-fn missing_meshes_are_warnings_and_strict_refuses_them_unless_they_are_left_out() {
+fn options_for_missing_meshes_reach_the_reader_of_robots() {
     let desk = Desk::new();
     let collision = "<collision><geometry><mesh filename='package://parts/b.stl'/></geometry></collision>";
     desk.write("r.urdf", hinged(&format!("{INERTIAL}{collision}")));
-    let tried = "there is no folder 'parts' in or above '.', in the package folders (--package-dir, LoadOptions::package_dirs), ROS_PACKAGE_PATH or AMENT_PREFIX_PATH";
-    let text = format!("mesh 'package://parts/b.stl' is not found; {tried}. The shape cannot be used in contacts");
-    let warning = format!("link 'b' <collision> (line 1): {text}");
-    let warnings = |args: &str| {
+    let missing = "link 'b' <collision> (line 1): mesh 'package://parts/b.stl' is not found";
+    let warned = |args: &str| {
         let report = &desk.one(args);
         texts(&report["warnings"]).into_iter().map(str::to_owned).collect::<Vec<_>>()
     };
-    assert_eq!(warnings("inspect r.urdf --json").join("\n"), warning);
-    let left_out = "link 'b' <collision> (line 1): mesh 'package://parts/b.stl' is not found, left out";
-    assert_eq!(warnings("inspect r.urdf --json --no-meshes --strict"), [left_out]);
-    desk.refused("inspect r.urdf --strict",
-        &format!(
-            "r.urdf:1: link 'b' <collision>: {text}: correct it, or load the robot without --strict (LoadOptions::strict)"
-        ),
+    let [warning] = &warned("inspect r.urdf --json")[..] else { panic!("one warning") };
+    assert!(warning.starts_with(&format!("{missing}; there is no folder 'parts' in or above '.', ")), "{warning}");
+    refused_with(
+        &desk.run("inspect r.urdf --strict"),
+        &missing.replace(" (line 1)", "").replace("link", "r.urdf:1: link"),
     );
-    let state = r#"{"q":[0],"qd":[0]}"#;
-    let ran = desk.feed("dynamics r.urdf --json --tip b --states -", state);
-    assert_eq!((ran.code, ran.err), (Some(0), format!("warning: r.urdf: {warning}\n")));
-    desk.answer("dynamics r.urdf --no-meshes --json --tip b --states -", &json!({"q": [0], "qd": [0]}));
+    assert_eq!(warned("inspect r.urdf --json --no-meshes --strict"), [format!("{missing}, left out")]);
+    let dynamics = |option: &str| {
+        let ran = desk.feed(&format!("dynamics r.urdf --json --tip b --states - {option}"), r#"{"q":[0],"qd":[0]}"#);
+        assert_eq!(ran.code, Some(0));
+        ran.err
+    };
+    assert_eq!(dynamics(""), format!("warning: r.urdf: {warning}\n"));
+    assert!(!dynamics("--no-meshes").contains("cannot be used in contacts"));
 
-    std::fs::create_dir_all(desk.join("more/parts")).unwrap();
     desk.write("more/parts/b.stl", "");
-    assert!(warnings("inspect r.urdf --json --strict --package-dir none --package-dir more").is_empty());
-    let ament = desk.command("inspect r.urdf --strict").env("AMENT_PREFIX_PATH", "prefix").output().unwrap();
-    assert!(!ament.status.success());
-    std::fs::create_dir_all(desk.join("prefix/share/parts")).unwrap();
+    assert!(warned("inspect r.urdf --json --strict --package-dir none --package-dir more").is_empty());
+    let found = || desk.command("inspect r.urdf --strict").env("AMENT_PREFIX_PATH", "prefix").output().unwrap();
+    assert!(!found().status.success());
     desk.write("prefix/share/parts/b.stl", "");
-    let ament = desk.command("inspect r.urdf --strict").env("AMENT_PREFIX_PATH", "prefix").output().unwrap();
-    assert!(ament.status.success());
+    assert!(found().status.success());
 }
 
 /// Hinge `j` moves link `b` without mass; a slider `k` below it moves `c`, also without.
@@ -332,28 +312,6 @@ fn damping_and_friction_of_joints_are_shown_since_simulations_use_them() {
     assert!(people.out.contains("a → b  damping 0.123457  friction 2\n"), "{}", people.out);
     let note = "damping and friction of the joints act in simulate; dynamics and impact leave them out\n";
     assert!(people.out.ends_with(note), "{}", people.out);
-}
-
-#[test]
-fn unused_elements_are_listed_as_warnings() {
-    let desk = Desk::new();
-    let more = "<transmission name='t'/><transmission name='u'/><gazebo/><material name='blue'/>";
-    let text = hinged(&format!("{INERTIAL}<visual/><self_collision_checking/>"));
-    let text = text.replace("</joint>", "<safety_controller/><limit jerk='1'/></joint>");
-    desk.write("r.urdf", text.replace("</robot>", &format!("{more}</robot>")));
-    let report = &desk.one("inspect r.urdf --json");
-    assert_eq!(
-        texts(&report["warnings"]),
-        [
-            "<limit jerk> (line 1) is not used: it is unknown",
-            "<self_collision_checking> (line 1) is not used: it is unknown",
-            "<gazebo> (line 1) is not used",
-            "<material> (line 1) is not used",
-            "<safety_controller> (line 1) is not used",
-            "<transmission> (2 times, first on line 1) is not used",
-            "<visual> (line 1) is not used",
-        ]
-    );
 }
 
 #[test]
