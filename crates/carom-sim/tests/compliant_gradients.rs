@@ -1,7 +1,7 @@
 //! Derivatives of runs through compliant contacts: their damping and memory, bristles and smoothed friction.
 
 use crate::closed_gradients::ball;
-use crate::sensitivity::{check, differences};
+use crate::sensitivity::{agrees, check, kinds};
 use carom_impact::{Damping, Newton};
 use carom_sim::{Compliance, ContactRule, Parameter, Simulation, Yielding};
 use carom_testing::scenes::{changed, with_robots};
@@ -12,8 +12,7 @@ fn sensitivities_through_a_contact_with_a_bristle_equal_differences_of_runs() {
     let bristle =
         "friction = 0.4\ncompliance = { stiffness = 1e8, exponent = 3.0, bristle = { stiffness = 1e4, damping = 50 } }";
     let found = check("bristle", &changed("planar2", &[("friction = 0.0", bristle)]), 0.5, None, 1e-6);
-    let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
-    assert_eq!(kinds, ["pressing", "lift-off"]);
+    assert_eq!(kinds(&found), ["pressing", "lift-off"]);
 }
 
 /// A floating ball of 60 g bounces once with slip on compliant floors, each of its sliders begins and ceases to slip several times: near the
@@ -34,11 +33,8 @@ fn sensitivities_through_bristles_of_every_stiffness_equal_differences_of_runs()
             let plan = scene.plan().unwrap();
             let sim = &plan.simulation;
             let found = plan.sensitivity(0.3, &[]).unwrap();
-            let own = found.last_by.unwrap_or_else(|| panic!("{force} {stiffness} {damping}: {:?}", found.broken));
-            let columns = [2, 6];
-            let other = differences(sim, (&plan.q, &plan.qd), 0.3, &[], (&columns, 1e-5));
-            let apart = (own.select_columns(&columns) - &other).amax();
-            assert!(apart < 1e-4 * other.amax(), "{force} {stiffness} {damping}: {apart:e} of {:e}", other.amax());
+            let name = format!("{force} {stiffness} {damping}");
+            agrees(&name, &found, (sim, &plan.q, &plan.qd), 0.3, &[], (&[2, 6], 1e-5), 1e-4);
         }
     }
 }
@@ -56,10 +52,7 @@ fn sensitivities_through_a_compliant_contact_equal_differences_of_runs() {
         let sim = ball(contact);
         let parameters = Parameter::all(&sim);
         let found = sim.sensitivity(&[0.3], &[-0.5], 0.35, &parameters).unwrap();
-        assert_eq!(found.broken, None);
-        let own = found.last_by.unwrap();
-        let other = differences(&sim, (&[0.3], &[-0.5]), 0.35, &parameters, (&[0, 1, 2], 1e-5));
-        assert!((&own - &other).amax() < tolerance * other.amax(), "{exponent}: {own} against {other}");
+        agrees("ball", &found, (&sim, &[0.3], &[-0.5]), 0.35, &parameters, (&[0, 1, 2], 1e-5), tolerance);
     }
 }
 
@@ -76,14 +69,10 @@ fn sensitivities_of_a_start_within_a_contact_equal_differences_of_runs() {
             };
             let sim = Simulation { tolerance: 1e-11, ..ball(contact) };
             let parameters = Parameter::all(&sim);
-            let start = ([0.09], [speed]);
             for duration in [0.01, 0.2] {
-                let found = sim.sensitivity(&start.0, &start.1, duration, &parameters).unwrap();
-                assert_eq!(found.broken, None);
-                let own = found.last_by.unwrap();
-                let other = differences(&sim, (&start.0, &start.1), duration, &parameters, (&[0, 1, 2], 1e-5));
-                let apart = (&own - &other).amax();
-                assert!(apart < 1e-6 * other.amax(), "{normal:?}, {speed}: {own} against {other}");
+                let found = sim.sensitivity(&[0.09], &[speed], duration, &parameters).unwrap();
+                let (name, own) = (format!("{normal:?}, {speed}"), (&sim, &[0.09][..], &[speed][..]));
+                agrees(&name, &found, own, duration, &parameters, (&[0, 1, 2], 1e-5), 1e-6);
             }
         }
     }

@@ -3,64 +3,6 @@
 use carom_sim::{ByOutcome, Parameter, Simulation};
 use carom_testing::scenes::changed;
 
-/// The linear maps of a run, applied to a change of the start, and their transposes, applied to derivatives by the outcome, are the columns
-/// and the rows of the sensitivities: through impacts alone and of several contacts, accumulations, sliding, sticking, a bristle, loops.
-#[test]
-fn linear_runs_and_their_transposes_are_the_columns_and_rows_of_the_sensitivities() {
-    // The transposes have the same digits but for the order of sums. Those of events by differences have coordinates along directions
-    // that the motion has contracted: the sums of a box that comes to rest lose three digits more.
-    let scenes = [
-        ("planar2", 0.5, 1e-11),
-        ("strike7", 0.3, 1e-11),
-        ("box", 0.6, 1e-9),
-        ("four_bar", 0.41, 1e-11),
-        ("kane", 0.2, 1e-11),
-    ];
-    for (name, duration, tolerance) in scenes {
-        let plan = changed(name, &[]).plan().unwrap();
-        let parameters = Parameter::all(&plan.simulation);
-        let all = plan.sensitivity(duration, &parameters).unwrap();
-        let run = plan.linear_run(duration, &parameters).unwrap();
-        assert_eq!((run.names(), run.last()), (&all.names[..], &all.last), "{name}");
-        assert_eq!(
-            run.events().map(|(time, _)| time).collect::<Vec<_>>(),
-            all.events.iter().map(|it| it.time).collect::<Vec<_>>()
-        );
-        let by = all.last_by.unwrap();
-        let counts = |time_by: &[f64]| time_by.iter().all(|x| x.is_finite());
-        let close = |what: &str, a: f64, b: f64, size: f64| {
-            assert!((a - b).abs() <= tolerance * size, "{name}, {what}: {a} and {b}, {size}");
-        };
-        for j in 0..by.ncols() {
-            let mut change = vec![0.0; by.ncols()];
-            change[j] = 1.0;
-            let (last, times) = run.jvp(&change).unwrap();
-            last.iter().zip(&by.column(j)).for_each(|(a, b)| close("column", *a, *b, by.amax()));
-            for (time, event) in times.iter().zip(&all.events).filter(|(_, event)| counts(&event.time_by)) {
-                close("time", *time, event.time_by[j], event.time_by.iter().fold(1.0, |m, x| m.max(x.abs())));
-            }
-        }
-        for i in 0..by.nrows() {
-            let mut weights = vec![0.0; by.nrows()];
-            weights[i] = 1.0;
-            let gradient = run.vjp(&weights, &[]).unwrap();
-            gradient.iter().zip(&by.row(i)).for_each(|(a, b)| close("row", *a, *b, by.amax()));
-        }
-        for (i, event) in all.events.iter().enumerate() {
-            let mut weights = vec![0.0; all.events.len()];
-            weights[i] = 1.0;
-            let gradient = run.vjp(&vec![0.0; by.nrows()], &weights);
-            if !counts(&event.time_by) {
-                let told = gradient.unwrap_err().to_string();
-                assert!(told.contains("too slow for digits"), "{told}");
-                continue;
-            }
-            let size = event.time_by.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
-            gradient.unwrap().iter().zip(&event.time_by).for_each(|(a, b)| close("time in reverse", *a, *b, size));
-        }
-    }
-}
-
 /// Where the derivative does not exist there is no linear run, and the reason and the time are told; wrong numbers of changes are refused.
 #[test]
 fn a_run_without_a_derivative_has_no_linear_run() {
