@@ -59,32 +59,28 @@ fn rotors_add_their_inertia_to_the_diagonal_of_m_everywhere() {
     }
 }
 
-/// The unrolled rows of two and three hinges, a row of sixty (which has no fused pass), and planar chains.
+/// The unrolled rows of two and three hinges, a row of sixty (which has no fused pass), and the same rows in the plane.
 #[test]
 fn rotors_act_in_rows_of_every_length_and_in_the_plane() {
     for joints in [1, 2, 3, 4, 7, 60] {
-        let mut chain = uniform_chain(joints, 1.0, 1.0).unwrap();
-        for k in 1..=joints {
-            chain = chain.with_rotor_inertia(&format!("joint{k}"), 0.01 * k as f64).unwrap();
-        }
-        let flat = chain.to_planar().unwrap();
-        let q: Vec<f64> = (0..joints).map(|k| 0.3 + 0.1 * (k as f64).sin()).collect();
-        let zero = vec![0.0; joints];
         let bare = uniform_chain(joints, 1.0, 1.0).unwrap();
-        let (mut bare_ws, mut flat_ws) = (bare.workspace(), flat.chain.workspace());
-        let mut m = bare_ws.update(&bare, &q).unwrap().mass_matrix();
-        (0..joints).for_each(|k| m[(k, k)] += 0.01 * (k + 1) as f64);
-        let mut kin = flat_ws.update(&flat.chain, &q).unwrap();
-        close("M", kin.mass_matrix().iter(), m.iter(), 1e-12, 1e-3);
-        let torque: Vec<f64> = (0..joints).map(|k| (k as f64).cos()).collect();
-        let exact = m.clone().cholesky().unwrap().solve(&DVector::from_column_slice(&torque));
-        let gravity = flat.plane.project(Vector3::zeros());
-        let found = kin.forward_dynamics(&zero, &torque, gravity).unwrap();
-        close("qdd", found.iter(), exact.iter(), 1e-8, 1e-3);
+        let inertias: Vec<f64> = (1..=joints).map(|k| 0.01 * k as f64).collect();
+        let add = |chain: Chain, k: usize| chain.with_rotor_inertia(&format!("joint{}", k + 1), inertias[k]).unwrap();
+        let chain = (0..joints).fold(bare.clone(), add);
+        let flat = chain.to_planar().unwrap();
         assert!(carom_chain::PlanarRow::of(&flat.chain).is_none());
+        let q: Vec<f64> = (0..joints).map(|k| 0.3 + 0.1 * (k as f64).sin()).collect();
+        let m = bare.workspace().update(&bare, &q).unwrap().mass_matrix();
+        let m = m + DMatrix::from_diagonal(&DVector::from_column_slice(&inertias));
+        let (mut workspace, torque) = (flat.chain.workspace(), q.clone());
+        let mut kin = workspace.update(&flat.chain, &q).unwrap();
+        close("M", kin.mass_matrix().iter(), m.iter(), 1e-12, 1e-3);
+        let exact = m.clone().cholesky().unwrap().solve(&DVector::from_column_slice(&torque));
+        let found = kin.forward_dynamics(&vec![0.0; joints], &torque, flat.plane.project(Vector3::zeros())).unwrap();
+        close("qdd", found.iter(), exact.iter(), 1e-8, 1e-3);
         if chain.has_fused_pass() {
-            let point = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
             let mut memory = ResponseMemory::default();
+            let point = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
             chain.contact_point(point).unwrap().visit(&q, Vector3::y(), &[], &mut memory, Keep).unwrap();
             close("fused M", memory.response().mass_matrix, m.iter(), 1e-12, 1e-3);
         }

@@ -6,7 +6,7 @@
 
 use crate::common::{Sample, Zoo, close, q_rate, robot, sample, solve};
 use carom_chain::urdf::LoadOptions;
-use carom_chain::{Chain, ContactInertia, Kinematics, Spatial};
+use carom_chain::{Chain, Kinematics, Spatial};
 use nalgebra::{DMatrix, DVector, Vector3};
 use num_dual::Dual64;
 use proptest::prelude::*;
@@ -357,43 +357,6 @@ proptest! {
         let h = frozen.chain.workspace().update(&frozen.chain, &q[..7]).unwrap().delassus(frozen_tip).unwrap();
         let m = frozen.chain.workspace().update(&frozen.chain, &q[..7]).unwrap().mass_matrix();
         close("H", locked.iter(), h.iter(), solved(&m), 1e-300);
-    }
-
-    #[test]
-    fn inertia_added_to_joints_is_added_to_the_mass_matrix(mut s in zoo()) {
-        // Some joints are free, some have a rotor, some are locked.
-        let (q, tip) = (s.q(), tip(&mut s));
-        let nv = s.chain.nv();
-        let added: Vec<f64> = (0..nv).map(|_| match s.rng.u8(0..4) {
-            0 => 0.0,
-            1 => f64::INFINITY,
-            _ => 10.0_f64.powf(4.0 * s.rng.f64() - 2.0),
-        }).collect();
-        let mut ws = s.chain.workspace();
-        let mut kin = ws.update(&s.chain, &q).unwrap();
-        let inertia = ContactInertia::of(kin.contact(tip, Vector3::zeros(), &added).unwrap());
-        let free: Vec<usize> = (0..nv).filter(|&k| added[k].is_finite()).collect();
-        let (m, j) = (kin.mass_matrix(), kin.point_jacobian(tip));
-        let m = DMatrix::from_fn(free.len(), free.len(), |a, b| {
-            m[(free[a], free[b])] + if a == b { added[free[a]] } else { 0.0 }
-        });
-        let j_free = j.select_columns(&free);
-        if free.is_empty() {
-            prop_assert!(inertia.delassus.amax() == 0.0 && inertia.rank == 0);
-        } else {
-            let response = m.clone().lu().solve(&j_free.transpose()).unwrap();
-            let scale = j.amax().powi(2) / m.diagonal().min();
-            close("H", inertia.delassus.iter(), (&j_free * &response).iter(), solved(&m), scale);
-            for (k, row) in inertia.response.row_iter().enumerate() {
-                match free.iter().position(|&f| f == k) {
-                    None => prop_assert!(row.amax() == 0.0),
-                    Some(a) => close("M⁻¹Jᵀ", row.iter(), response.row(a).iter(), solved(&m), response.amax()),
-                }
-            }
-        }
-        // Zero added inertia changes nothing.
-        let without = ContactInertia::of(kin.contact(tip, Vector3::zeros(), &vec![0.0; nv]).unwrap());
-        prop_assert_eq!(without.delassus, kin.contact_inertia(tip).unwrap().delassus);
     }
 
     #[test]
