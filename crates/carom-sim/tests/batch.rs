@@ -3,7 +3,7 @@
 
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, ChainError, Point, uniform_chain};
-use carom_impact::{Energetic, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Poisson, Whittaker};
+use carom_impact::{Energetic, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Mode, Poisson, Whittaker};
 use carom_sim::{
     ChainImpact, FrictionlessJump, Impacts, JointModel, Outcomes, SimError, States, Strike, frictionless_jump_into,
 };
@@ -22,8 +22,15 @@ fn write(columns: &mut [Vec<f64>]) -> Vec<&mut [f64]> {
     columns.iter_mut().map(Vec::as_mut_slice).collect()
 }
 
-/// Every result of `many` with `count` states equals that of `jump_into` bit by bit, and those agree with the recursion.
-fn check_batch<A: Algebra<Scalar = f64>>(chain: &Chain<A>, point: Point<A>, normal: A::Vector, count: usize) {
+/// Every result of `many` with `count` states equals that of `jump_into` bit by bit, and those agree with the recursion, which allocates nothing,
+/// and with impacts by the checked interface, where there are any. Returns the number of these.
+fn check_batch<A: Algebra<Scalar = f64>>(
+    chain: &Chain<A>,
+    point: Point<A>,
+    normal: A::Vector,
+    count: usize,
+    checked: impl Fn(&[f64], &[f64]) -> Option<ChainImpact>,
+) -> usize {
     let (nq, nv, linear) = (chain.nq(), chain.nv(), A::LINEAR);
     // The quaternions are not normalised here: the kernels divide by their length.
     let q = columns(nq, count, |row, k| 0.4 * (row as f64 + 1.0) + 0.7 * (k as f64 + 0.3 * row as f64).sin());
@@ -47,6 +54,7 @@ fn check_batch<A: Algebra<Scalar = f64>>(chain: &Chain<A>, point: Point<A>, norm
     let mut jump = kernel.jump();
     let mut workspace = chain.workspace();
     let (mut scratch, mut recursive) = (vec![0.0; nv], vec![0.0; nv]);
+    let mut compared = 0;
     for k in 0..count {
         let at = |columns: &[Vec<f64>]| columns.iter().map(|c| c[k]).collect::<Vec<_>>();
         let (q, qd) = (at(&q), at(&qd));
@@ -68,12 +76,24 @@ fn check_batch<A: Algebra<Scalar = f64>>(chain: &Chain<A>, point: Point<A>, norm
         assert!((0..linear).all(|c| (0..linear).all(|r| off(c, r) <= 1e-9 * largest)), "{h}");
 
         let mut kin = workspace.update(chain, &q).unwrap();
-        let p = frictionless_jump_into(&mut kin, point, normal, 0.35, &qd, &mut scratch, &mut recursive).unwrap();
+        let mut p = 0.0;
+        let allocated = allocation_counter::measure(|| {
+            p = frictionless_jump_into(&mut kin, point, normal, 0.35, &qd, &mut scratch, &mut recursive).unwrap();
+        });
+        assert_eq!(allocated.count_total, 0);
         // Both have rounding errors of 1e-16 times the condition number of M, some 1e4 for these robots.
         let scale = recursive.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
         assert!((p - jump.impulse).abs() <= 1e-11 * p.abs(), "{p} {}", jump.impulse);
         assert!(jump.qd_plus.iter().zip(&recursive).all(|(a, b)| (a - b).abs() <= 1e-11 * scale));
+        let Some(hit) = checked(&q, &qd).filter(|hit| hit.mode != Mode::Open) else { continue };
+        compared += 1;
+        assert!(
+            hit.qd_plus.iter().zip(&recursive).all(|(a, b)| (a - b).abs() <= 1e-10 * scale),
+            "{hit:?} {recursive:?}"
+        );
+        assert!((p - hit.impulse.norm()).abs() <= 1e-10 * p, "{p} {hit:?}");
     }
+    compared
 }
 
 #[test]
@@ -91,17 +111,27 @@ fn batched_impacts_equal_single_impacts_bit_by_bit() {
     for (name, link, floating) in cases {
         let chain = robot_with(name, floating);
         let frame = chain.frame(link).unwrap();
-        let point = chain.point(frame, Vector3::new(0.1, 0.02, 0.05));
+        let (offset, law) = (Vector3::new(0.1, 0.02, 0.05), Frictionless { restitution: 0.35 });
+        let (point, normal) = (chain.point(frame, offset), Vector3::new(0.6, 0.0, 0.8));
+        // The checked interface refuses quaternions that are not normalised.
+        let strike = |q: &[f64], qd: &[f64], offset: Vector3<f64>, normal: Vector3<f64>| {
+            let hit = chain.impact(q, qd).at(frame).offset(offset).normal(normal).resolve(&law);
+            if floating { None } else { Some(hit.unwrap()) }
+        };
         // Complete blocks and incomplete ones.
-        for count in [0, 1, 4, 8, 19, 64, 131] {
-            check_batch(&chain, point, Vector3::new(0.6, 0.0, 0.8), count);
-        }
+        let counts = [0, 1, 4, 8, 19, 64, 131].into_iter();
+        let one = |count| check_batch(&chain, point, normal, count, |q, qd| strike(q, qd, offset, normal));
+        let compared: usize = counts.map(one).sum();
+        assert!(floating || compared > 40, "{name}: {compared}");
         if let Ok(flat) = chain.to_planar() {
             planar.push(name);
-            let point = flat.point(frame, Vector3::zeros());
-            for count in [1, 70] {
-                check_batch(&flat.chain, point, Vector2::new(-0.8, 0.6), count);
-            }
+            let (point, normal) = (flat.point(frame, Vector3::zeros()), Vector3::new(-0.8, 0.6, 0.0));
+            let one = |count| {
+                let checked = |q: &[f64], qd: &[f64]| strike(q, qd, Vector3::zeros(), normal);
+                check_batch(&flat.chain, point, flat.plane.project(normal), count, checked)
+            };
+            let compared: usize = [1, 70].map(one).iter().sum();
+            assert!(compared > 10, "{name} in the plane: {compared}");
         }
     }
     assert_eq!(planar, ["planar2", "planar3"]);
@@ -111,8 +141,8 @@ fn batched_impacts_equal_single_impacts_bit_by_bit() {
         let flat = long.to_planar().unwrap();
         let tip = long.frame("tip").unwrap();
         assert_eq!(flat.chain.has_fused_pass(), links == 12);
-        check_batch(&flat.chain, flat.point(tip, Vector3::zeros()), -Vector2::y(), 9);
-        check_batch(&long, long.point(tip, Vector3::zeros()), -Vector3::y(), 5);
+        check_batch(&flat.chain, flat.point(tip, Vector3::zeros()), -Vector2::y(), 9, |_, _| None);
+        check_batch(&long, long.point(tip, Vector3::zeros()), -Vector3::y(), 5, |_, _| None);
     }
 }
 
@@ -136,6 +166,10 @@ fn columns_of_wrong_number_or_length_are_refused() {
     let mut jump = kernel.jump();
     assert!(kernel.jump_into(&two, &three, normal, 0.5, &mut jump).is_err());
     assert!(kernel.jump_into(&three, &two, normal, 0.5, &mut jump).is_err());
+    let (mut workspace, mut short, mut right) = (chain.workspace(), [0.0; 1], [0.0; 2]);
+    let mut kin = workspace.update(&chain, &two).unwrap();
+    let refused = frictionless_jump_into(&mut kin, tip, normal, 0.5, &two, &mut short, &mut right);
+    assert!(matches!(refused, Err(ChainError::WrongLength { got: 1, expected: 2, .. })));
 }
 
 /// A law that is not of the library.

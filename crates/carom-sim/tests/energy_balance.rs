@@ -104,67 +104,6 @@ fn incomplete_and_invalid_impacts_are_refused_with_the_reason() {
     assert!(matches!(nan, SimError::Chain(ChainError::NotFinite { what: "q", index: 1, .. })));
 }
 
-/// The branch-free kernel gives the result of the checked interface, in space and in the plane.
-#[test]
-fn frictionless_kernel_equals_the_checked_interface() {
-    use carom_sim::frictionless_jump_into;
-    let mut rng = fastrand::Rng::with_seed(5);
-    for name in ROBOTS {
-        let chain = robot(name);
-        let tip = chain.frame("tip").unwrap();
-        let mut ws = chain.workspace();
-        let (mut compared, mut compared_in_plane) = (0, 0);
-        for _ in 0..200 {
-            let (q, qd) = (random(&mut rng, chain.nv(), 1.5), random(&mut rng, chain.nv(), 2.0));
-            let angle = rng.f64() * std::f64::consts::TAU;
-            let normal = Vector3::new(angle.cos(), angle.sin(), 0.0);
-            let checked =
-                chain.impact(&q, &qd).at(tip).normal(normal).resolve(&Frictionless { restitution: 0.6 }).unwrap();
-            if checked.mode == Mode::Open {
-                continue;
-            }
-            let (mut scratch, mut qd_plus) = (vec![0.0; chain.nv()], vec![0.0; chain.nv()]);
-            let mut kin = ws.update(&chain, &q).unwrap();
-            let point = chain.point(tip, Vector3::zeros());
-            let mut p = 0.0;
-            let count = allocation_counter::measure(|| {
-                p = frictionless_jump_into(&mut kin, point, normal, 0.6, &qd, &mut scratch, &mut qd_plus).unwrap();
-            });
-            assert_eq!(count.count_total, 0);
-            let scale = checked.qd_plus.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-            let near = |a: &[f64]| a.iter().zip(&checked.qd_plus).all(|(x, y)| (x - y).abs() <= 1e-10 * scale);
-            assert!(near(&qd_plus), "{name}: {qd_plus:?} {:?}", checked.qd_plus);
-            assert!((p - checked.impulse.norm()).abs() <= 1e-10 * p);
-            compared += 1;
-            let flat = chain.to_planar();
-            assert_eq!(flat.is_ok(), name.starts_with("planar"), "{name}: {:?}", flat.err());
-            if let Ok(flat) = flat {
-                compared_in_plane += 1;
-                let mut flat_ws = flat.chain.workspace();
-                let mut kin = flat_ws.update(&flat.chain, &q).unwrap();
-                let point = flat.point(tip, Vector3::zeros());
-                let n = flat.plane.project(normal);
-                frictionless_jump_into(&mut kin, point, n, 0.6, &qd, &mut scratch, &mut qd_plus).unwrap();
-                assert!(near(&qd_plus), "{name} in the plane");
-            }
-        }
-        let expected = if name.starts_with("planar") { compared } else { 0 };
-        assert!(compared > 80 && compared_in_plane == expected, "{name}: {compared} and {compared_in_plane} of 200");
-    }
-}
-
-#[test]
-fn slices_of_the_wrong_length_are_refused() {
-    let chain = robot("planar2");
-    let point = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
-    let mut ws = chain.workspace();
-    let mut kin = ws.update(&chain, &[0.3, 0.4]).unwrap();
-    let normal = -Vector3::x();
-    let (mut short, mut right) = ([0.0; 1], [0.0; 2]);
-    let jump = carom_sim::frictionless_jump_into(&mut kin, point, normal, 0.5, &[0.1, 0.2], &mut short, &mut right);
-    assert!(matches!(jump, Err(ChainError::WrongLength { got: 1, expected: 2, .. })));
-}
-
 /// The normal is normalised: its length does not change the result, from 1e-300 to 1e300.
 #[test]
 fn the_length_of_the_normal_does_not_matter() {
