@@ -5,6 +5,7 @@ use crate::common::*;
 use carom_chain::urdf::Shape;
 use carom_contact::{Gap, LinkShape, Obstacle, Solid, gap, gap_between};
 use nalgebra::{Isometry3, Vector3};
+use std::collections::BTreeMap;
 
 /// Height of a body's lowest point along n, world axes.
 fn lowest(body: &LinkShape, at: &Isometry3<f64>, n: Vector3<f64>) -> f64 {
@@ -32,87 +33,69 @@ fn outside(body: &LinkShape, at: &Isometry3<f64>, x: Vector3<f64>) -> f64 {
 
 const ROUNDING: f64 = 2e-13;
 
-#[test]
-fn nearest_points_of_separate_bodies_are_optimal() {
-    let mut rng = fastrand::Rng::with_seed(1);
+/// Random pairs of bodies of every kind, up to `spread` from the origin, with their gaps.
+type Pair<'a> = (&'a str, [(&'a LinkShape, &'a Isometry3<f64>); 2], &'a Gap);
+
+fn each_pair(seed: u64, (count, spread): (usize, f64), mut check: impl FnMut(Pair)) {
+    let mut rng = fastrand::Rng::with_seed(seed);
     for first in KINDS {
         for second in KINDS {
-            let (mut open, mut worst) = (0, [0.0_f64; 3]);
-            for _ in 0..400 {
+            for _ in 0..count {
                 let (a, b) = (body(first, &mut rng), body(second, &mut rng));
-                let (at_a, at_b) = (isometry(&mut rng, 0.4), isometry(&mut rng, 0.4));
+                let (at_a, at_b) = (isometry(&mut rng, spread), isometry(&mut rng, spread));
                 let found = gap_between((&a, &at_a.into()), (&b, &at_b.into()));
-                if found.distance <= 0.0 {
-                    continue;
-                }
-                open += 1;
-                let Gap { distance, normal, on_robot, on_environment } = found;
-                worst[0] = worst[0].max((distance - (on_robot - on_environment).norm()).abs());
-                worst[1] = worst[1].max((distance - separation((&a, &at_a), (&b, &at_b), normal)).abs());
-                worst[2] = worst[2].max(outside(&a, &at_a, on_robot)).max(outside(&b, &at_b, on_environment));
+                check((&format!("{first} and {second}"), [(&a, &at_a), (&b, &at_b)], &found));
             }
-            assert!(open > 100, "{first} and {second}: {open}");
-            assert!(worst.iter().all(|w| *w < ROUNDING), "{first} and {second}: {worst:?}");
         }
+    }
+}
+
+/// The number of pairs of each two kinds with a check of their own.
+fn enough(counts: &BTreeMap<String, usize>, least: usize) {
+    assert!(counts.len() == KINDS.len().pow(2) && counts.values().all(|count| *count > least), "{counts:?}");
+}
+
+/// Nearest points of separate bodies belong to them and are extreme along the normal. So are the deepest points of overlapping ones, which touch
+/// there if the first is translated by −g n. With a rim, whose separation changes only by rounding when the normal turns by 1e-8, the points of
+/// two such directions may be combined.
+#[test]
+fn nearest_and_deepest_points_are_extreme_along_the_normal() {
+    for (seed, spread, open) in [(1, 0.4, true), (4, 0.12, false)] {
+        let mut counts = BTreeMap::<String, usize>::new();
+        each_pair(seed, (400, spread), |(name, [a, b], &Gap { distance, normal, on_robot, on_environment })| {
+            if distance == 0.0 || (distance > 0.0) != open {
+                return;
+            }
+            *counts.entry(name.to_owned()).or_default() += 1;
+            let between = on_robot - on_environment;
+            let apart = if open { (distance - between.norm()).abs() } else { (normal * distance - between).norm() };
+            let within = if !open && name.contains("cylinder") { 1e-6 } else { ROUNDING };
+            assert!(apart < within, "{name}: {apart:e}");
+            let height = normal.dot(&on_robot) - lowest(a.0, a.1, normal);
+            let depth = normal.dot(&on_environment) + lowest(b.0, b.1, -normal);
+            let out = outside(a.0, a.1, on_robot).max(outside(b.0, b.1, on_environment));
+            let off = if open { (distance - separation(a, b, normal)).abs() } else { height.abs().max(depth.abs()) };
+            assert!(off < ROUNDING && out < ROUNDING, "{name}: {off:e} {out:e}");
+        });
+        enough(&counts, 100);
     }
 }
 
 #[test]
 fn normal_of_an_overlap_has_the_greatest_separation() {
-    let mut rng = fastrand::Rng::with_seed(2);
-    for first in KINDS {
-        for second in KINDS {
-            let mut overlapping = 0;
-            for _ in 0..150 {
-                let (a, b) = (body(first, &mut rng), body(second, &mut rng));
-                let (at_a, at_b) = (isometry(&mut rng, 0.12), isometry(&mut rng, 0.12));
-                let found = gap_between((&a, &at_a.into()), (&b, &at_b.into()));
-                if found.distance >= 0.0 {
-                    continue;
-                }
-                overlapping += 1;
-                let along = |n| separation((&a, &at_a), (&b, &at_b), n);
-                assert!((along(found.normal) - found.distance).abs() < ROUNDING, "{first} and {second}");
-                for _ in 0..300 {
-                    let n = unit(&mut rng);
-                    assert!(along(n) <= found.distance + ROUNDING, "{first} and {second}: {} {found:?}", along(n));
-                }
-            }
-            assert!(overlapping > 30, "{first} and {second}: {overlapping}");
+    let (mut rng, mut counts) = (fastrand::Rng::with_seed(5), BTreeMap::<String, usize>::new());
+    each_pair(2, (150, 0.12), |(name, [a, b], found)| {
+        if found.distance >= 0.0 {
+            return;
         }
-    }
-}
-
-/// The bodies touch at the nearest points if the first is translated by −g n. With a rim, whose separation changes only by
-/// rounding when the normal turns by 1e-8, the points of two such directions may be combined.
-#[test]
-fn deepest_points_of_overlapping_bodies_are_extreme_along_the_normal() {
-    let mut rng = fastrand::Rng::with_seed(4);
-    for first in KINDS {
-        for second in KINDS {
-            let (mut overlapping, mut worst) = (0, [0.0_f64; 4]);
-            for _ in 0..400 {
-                let (a, b) = (body(first, &mut rng), body(second, &mut rng));
-                let (at_a, at_b) = (isometry(&mut rng, 0.12), isometry(&mut rng, 0.12));
-                let found = gap_between((&a, &at_a.into()), (&b, &at_b.into()));
-                if found.distance >= 0.0 {
-                    continue;
-                }
-                overlapping += 1;
-                let Gap { distance, normal, on_robot, on_environment } = found;
-                let height = normal.dot(&on_robot) - lowest(&a, &at_a, normal);
-                let depth = normal.dot(&on_environment) + lowest(&b, &at_b, -normal);
-                worst[0] = worst[0].max((normal * distance - (on_robot - on_environment)).norm());
-                worst[1] = worst[1].max(height.abs());
-                worst[2] = worst[2].max(depth.abs());
-                worst[3] = worst[3].max(outside(&a, &at_a, on_robot)).max(outside(&b, &at_b, on_environment));
-            }
-            assert!(overlapping > 100, "{first} and {second}: {overlapping}");
-            let round = [first, second].contains(&"cylinder");
-            assert!(worst[0] < if round { 1e-6 } else { ROUNDING }, "{first} and {second}: {worst:?}");
-            assert!(worst[1..].iter().all(|w| *w < ROUNDING), "{first} and {second}: {worst:?}");
+        *counts.entry(name.to_owned()).or_default() += 1;
+        assert!((separation(a, b, found.normal) - found.distance).abs() < ROUNDING, "{name}");
+        for _ in 0..300 {
+            let along = separation(a, b, unit(&mut rng));
+            assert!(along <= found.distance + ROUNDING, "{name}: {along} {found:?}");
         }
-    }
+    });
+    enough(&counts, 30);
 }
 
 /// The same bodies with all lengths multiplied by a power of two, as by a change of the unit of length.
