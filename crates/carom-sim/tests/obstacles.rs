@@ -31,42 +31,36 @@ fn expected(d: Vector3<f64>) -> (f64, Vector3<f64>) {
     (1.0 - height, -Vector3::z() + normal * ((1.0 + RESTITUTION) * normal.z))
 }
 
-fn agree(found: Option<(f64, Vector3<f64>)>, expected: (f64, Vector3<f64>)) {
-    let (time, velocity) = found.unwrap();
-    // The distance to the obstacle is a closed form; the time of the event is a root found to the tolerance.
-    assert!((time - expected.0).abs() < 1e-10, "{time} {expected:?}");
-    assert!((velocity - expected.1).norm() < 1e-9, "{velocity} {expected:?}");
-}
-
-/// The side of a lying cylinder is a line at the distance R + r for the ball's centre.
+/// The side of a lying cylinder is a line at the distance R + r for the ball's centre, the cap of an upright one a plane at the height of half its
+/// length; a capsule is a segment with spheres as its ends. The length ends a side, and a radius of the ball beyond it.
 #[test]
-fn a_ball_bounces_off_the_side_of_a_cylinder() {
-    let lying =
-        format!("cylinder = {{ centre = [0, 0.1, 0], radius = {OBSTACLE}, length = 0.8, rpy = [{FRAC_PI_2}, 0, 0] }}");
-    for (x, y) in [(0.0, 0.1), (0.12, 0.3), (-0.2, -0.15)] {
-        agree(bounce(&lying, x, y), expected(Vector3::new(x, 0.0, 0.0)));
+fn a_ball_bounces_off_sides_caps_and_ends_of_cylinders_and_capsules() {
+    let lying = format!("radius = {OBSTACLE}, rpy = [{FRAC_PI_2}, 0, 0]");
+    let [side, cap, capsule] = [
+        &format!("cylinder = {{ centre = [0, 0.1, 0], length = 0.8, {lying} }}"),
+        &format!("cylinder = {{ centre = [0, 0, 0.1], radius = {OBSTACLE}, length = 0.3 }}"),
+        &format!("capsule = {{ centre = [0, 0, 0], length = 0.4, {lying} }}"),
+    ];
+    let from = |x: f64, y: f64| Some(expected(Vector3::new(x, y, 0.0)));
+    for (shape, x, y, expected) in [
+        (side, 0.0, 0.1, from(0.0, 0.0)),
+        (side, 0.12, 0.3, from(0.12, 0.0)),
+        (side, -0.2, -0.15, from(-0.2, 0.0)),
+        (side, 0.0, 0.1 + 0.4 + BALL + 1e-6, None),
+        (cap, 0.15, 0.05, Some((1.0 - 0.25 - BALL, Vector3::new(0.0, 0.0, RESTITUTION)))),
+        (cap, OBSTACLE + BALL + 1e-6, 0.0, None),
+        (capsule, 0.12, 0.15, from(0.12, 0.0)),
+        (capsule, 0.0, 0.3, from(0.0, 0.1)),
+        (capsule, 0.0, -0.3, from(0.0, -0.1)),
+        (capsule, 0.1, 0.35, from(0.1, 0.15)),
+        (capsule, 0.1, -0.35, from(0.1, -0.15)),
+        (capsule, 0.0, 0.2 + OBSTACLE + BALL + 1e-6, None),
+    ] {
+        let found = bounce(shape, x, y);
+        assert_eq!(found.is_some(), expected.is_some(), "{shape}, {x}, {y}: {found:?}");
+        let (Some(found), Some(expected)) = (found, expected) else { continue };
+        // The distance to the obstacle is a closed form; the time of the event is a root found to the tolerance.
+        assert!((found.0 - expected.0).abs() < 1e-10, "{shape}, {x}, {y}: {found:?} {expected:?}");
+        assert!((found.1 - expected.1).norm() < 1e-9, "{shape}, {x}, {y}: {found:?} {expected:?}");
     }
-    // The length ends the side: 0.4 m from the centre, and a radius of the ball beyond it.
-    assert_eq!(bounce(&lying, 0.0, 0.1 + 0.4 + BALL + 1e-6), None);
-}
-
-/// The cap of an upright cylinder is a plane at the height of half its length.
-#[test]
-fn a_ball_bounces_off_the_cap_of_a_cylinder() {
-    let upright = format!("cylinder = {{ centre = [0, 0, 0.1], radius = {OBSTACLE}, length = 0.3 }}");
-    agree(bounce(&upright, 0.15, 0.05), (1.0 - 0.25 - BALL, Vector3::new(0.0, 0.0, RESTITUTION)));
-    assert_eq!(bounce(&upright, OBSTACLE + BALL + 1e-6, 0.0), None);
-}
-
-/// A capsule is a segment for the ball's centre: its side, and its ends, which are spheres.
-#[test]
-fn a_ball_bounces_off_the_side_and_the_ends_of_a_capsule() {
-    let lying =
-        format!("capsule = {{ centre = [0, 0, 0], radius = {OBSTACLE}, length = 0.4, rpy = [{FRAC_PI_2}, 0, 0] }}");
-    agree(bounce(&lying, 0.12, 0.15), expected(Vector3::new(0.12, 0.0, 0.0)));
-    for (x, y) in [(0.0, 0.3), (0.1, 0.35)] {
-        agree(bounce(&lying, x, y), expected(Vector3::new(x, y - 0.2, 0.0)));
-        agree(bounce(&lying, x, -y), expected(Vector3::new(x, 0.2 - y, 0.0)));
-    }
-    assert_eq!(bounce(&lying, 0.0, 0.2 + OBSTACLE + BALL + 1e-6), None);
 }
