@@ -53,7 +53,12 @@ fn same_motion(name: &str, robot: &str, text: &str, kept: &[usize], least: usize
     assert_eq!(a.events.len(), of_kept.len(), "{name}");
     assert!(a.events.len() >= least, "{name}: {} events compared, {least} expected", a.events.len());
     for (a, b) in a.events.iter().zip(&of_kept) {
-        assert_eq!(a.kind.name(), b.kind.name(), "{name}");
+        let kind = match (name, a.kind.name()) {
+            ("corners", "impact") => "several",
+            ("corners", "several") => panic!("the corners are one in the plane: {a:?}"),
+            (_, kind) => kind,
+        };
+        assert_eq!(kind, b.kind.name(), "{name}");
         close(&[a.time], &[b.time], "time of an event");
         close(&a.q, &pick(&b.q), "q at an event");
         close(&a.qd_plus, &pick(&b.qd_plus), "qd after an event");
@@ -170,20 +175,7 @@ tolerance = 1e-12
 "#;
     // In space the two corners are a problem of several contacts, in the plane a single contact. Without friction both
     // have the same solution.
-    let [less, all] = {
-        let auto = scene(&robot, text);
-        let full = scene(&robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
-        let (less, all) = (auto.plan().unwrap(), full.plan().unwrap());
-        let a = less.simulation.run(&less.q, &less.qd, auto.duration).unwrap();
-        let b = all.simulation.run(&all.q, &all.qd, full.duration).unwrap();
-        assert_eq!((a.events[0].kind.name(), b.events[0].kind.name()), ("impact", "several"));
-        assert_eq!(a.events.len(), b.events.len());
-        for (a, b) in a.events.iter().zip(&b.events) {
-            assert!((a.time - b.time).abs() < 1e-11);
-            assert!(a.qd_plus.iter().zip(&b.qd_plus).all(|(a, b)| (a - b).abs() < 1e-11), "{a:?} {b:?}");
-        }
-        [less.simulation, all.simulation]
-    };
+    let [less, all] = same_motion("corners", &robot, text, &[0, 1], 2);
     assert_eq!((less.touches.len(), all.touches.len()), (4, 8));
 }
 
