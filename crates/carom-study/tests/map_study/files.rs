@@ -116,50 +116,29 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
     }
 }
 
-/// A map that is interrupted and resumed twice has the bytes of an uninterrupted one. The partial table is a table of the rows so far,
-/// under a name of its own.
+/// A map of several Parquet row groups that is interrupted and resumed has the bytes of an uninterrupted one; the complete groups are copied as
+/// bytes. The partial table is a table of the rows so far, under a name of its own.
 #[test]
 fn an_interrupted_map_is_resumed_to_the_same_bytes() {
-    let folder = tempfile::tempdir().unwrap();
-    let study = small(folder.path());
-    let other = tempfile::tempdir().unwrap();
-    for (name, ending) in [("map.csv", "csv"), ("map.parquet", "parquet")] {
-        let whole = write(&study, &folder.path().join(name), 0..study.rows(), 2);
+    let (folder, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"energetic\"\nrestitution = 0.35\nfriction = 0.1";
+    let poses = "[joints]\nshoulder = { from = -3, to = 3, count = 350 }\nelbow = { from = -3, to = 3, count = 500 }";
+    let quantities = "\"impulse\", \"limit_joint\", \"flags\"";
+    let study = Study::from_file(study_in(folder.path(), "groups", "planar2", poses, impact, quantities)).unwrap();
+    for ending in ["csv", "parquet"] {
+        let name = format!("map.{ending}");
+        let whole = write(&study, &folder.path().join(&name), 0..study.rows(), 2);
         let path = folder.path().join(format!("again.{ending}"));
         let mut file = RowFile { path: path.clone(), rows: 0..study.rows(), resume: false };
         let mut last = 0;
-        for after in [1000, 9000] {
+        for after in [1000, 70_000, 140_000] {
             let (rows, partial) = interrupted(&study, &file, after);
             assert!(rows > last && rows < study.rows(), "{rows} rows after {last}");
             assert!(!path.exists());
             assert_eq!(partial, folder.path().join(format!("again.partial.{ending}")));
-            let so_far = write(&study, &other.path().join(name), 0..rows, 1);
+            let so_far = write(&study, &other.path().join(&name), 0..rows, 1);
             assert!(std::fs::read(&partial).unwrap() == so_far, "{name}: {rows} rows");
             last = rows;
-            file.resume = true;
-        }
-        assert_eq!(study.write(&file, &|_| (), &AtomicBool::new(false)).unwrap(), Written::Whole);
-        assert!(std::fs::read(&path).unwrap() == whole, "{name}");
-        assert!(!file.partial().exists(), "the partial table is removed");
-    }
-    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
-    assert_eq!(left.len(), 5, "{left:?}");
-}
-
-/// A map of several Parquet row groups; a resumed run copies the complete groups as bytes.
-#[test]
-fn copied_row_groups_have_the_bytes_of_computed_ones() {
-    let folder = tempfile::tempdir().unwrap();
-    let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"energetic\"\nrestitution = 0.35\nfriction = 0.1";
-    let poses = "[joints]\nshoulder = { from = -3, to = 3, count = 350 }\nelbow = { from = -3, to = 3, count = 500 }";
-    let made = study_in(folder.path(), "groups", "planar2", poses, impact, "\"impulse\", \"limit_joint\"");
-    let study = Study::from_file(made).unwrap();
-    for ending in ["parquet", "csv"] {
-        let whole = write(&study, &folder.path().join(format!("map.{ending}")), 0..study.rows(), 2);
-        let path = folder.path().join(format!("again.{ending}"));
-        let mut file = RowFile { path: path.clone(), rows: 0..study.rows(), resume: false };
-        for after in [70_000, 140_000] {
-            interrupted(&study, &file, after);
             file.resume = true;
         }
         if ending == "parquet" {
@@ -168,8 +147,11 @@ fn copied_row_groups_have_the_bytes_of_computed_ones() {
             assert!(groups[0] == 65536 && groups.len() > 1, "{groups:?}");
         }
         assert_eq!(study.write(&file, &|_| (), &AtomicBool::new(false)).unwrap(), Written::Whole);
-        assert!(std::fs::read(&path).unwrap() == whole, "{ending}");
+        assert!(std::fs::read(&path).unwrap() == whole, "{name}");
+        assert!(!file.partial().exists(), "the partial table is removed");
     }
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert_eq!(left.len(), 5, "{left:?}");
 }
 
 #[test]
