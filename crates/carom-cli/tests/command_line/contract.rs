@@ -7,35 +7,10 @@ use std::io::{BufRead, BufReader, Write};
 use std::sync::mpsc;
 use std::time::Duration;
 
+/// The test of the page of answers compares the keys of every command with it.
 #[test]
-fn every_answer_has_the_keys_of_the_contract() {
+fn joints_of_two_robots_have_the_names_of_their_robots() {
     let desk = Desk::new();
-    let report = &desk.one("inspect planar2.urdf --json");
-    assert_eq!(
-        keys(report),
-        ["dof", "joints", "links", "massless", "name", "nq", "nv", "planar", "repairs", "total_mass", "warnings"]
-    );
-    for joint in report["joints"].as_array().unwrap() {
-        assert_eq!(
-            keys(joint),
-            [
-                "child",
-                "damping",
-                "effort",
-                "friction",
-                "lower",
-                "mimic",
-                "name",
-                "parent",
-                "rotor_inertia",
-                "type",
-                "upper",
-                "velocity"
-            ]
-        );
-    }
-    assert_eq!(keys(&report["planar"]), ["is", "normal", "reason"]);
-
     let arms = "[[robot]]\nname = \"a\"\nurdf = \"planar2.urdf\"\n\
                 [[robot]]\nname = \"b\"\nurdf = \"planar2.urdf\"\nposition = [3, 0, 0]\n[run]\nduration = 0.1\n";
     desk.write("arms.toml", arms);
@@ -50,56 +25,29 @@ fn every_answer_has_the_keys_of_the_contract() {
         "inspect arms.toml --repair",
         "arms.toml: options for loading are keys of the scene: remove them here",
     );
+}
 
-    let args = "dynamics planar2.urdf --json --tip tip --states -";
-    let always = [
-        "bias",
-        "delassus",
-        "gravity_force",
-        "jacobian",
-        "joints",
-        "kinetic_energy",
-        "mass_matrix",
-        "potential_energy",
-    ];
-    for (more, extra) in
-        [(json!({}), None), (json!({"tau": [0, 0]}), Some("qdd")), (json!({"qdd": [0, 0]}), Some("tau"))]
+#[test]
+fn answers_have_qdd_and_tau_where_they_are_asked_for_and_all_laws_the_same_keys() {
+    let desk = Desk::new();
+    for (more, has) in
+        [(json!({}), [false, false]), (json!({"tau": [0, 0]}), [true, false]), (json!({"qdd": [0, 0]}), [false, true])]
     {
         let mut state = json!({"q": [0, 0], "qd": [0, 0]});
         state.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
-        let mut expected: Vec<&str> = always.into_iter().chain(extra).collect();
-        expected.sort_unstable();
-        assert_eq!(keys(&desk.answer(args, &state)), expected);
+        let answer = desk.answer("dynamics planar2.urdf --json --tip tip --states -", &state);
+        assert_eq!(["qdd", "tau"].map(|key| answer.get(key).is_some()), has, "{answer}");
     }
-
     let state = json!({"q": UP_ELBOW, "qd": [0.1, 0.3]});
     let impact = "impact planar2.urdf --json --tip tip --normal -1,0,0 --restitution 0.5 --friction 0.2 --states -";
-    let impact_keys = [
-        "energy_after",
-        "energy_before",
-        "flags",
-        "friction_work",
-        "impulse",
-        "law",
-        "mode",
-        "normal_work",
-        "q",
-        "qd_minus",
-        "qd_plus",
-        "u_minus",
-        "u_plus",
-    ];
     let problem = json!({"delassus": [[2, 0.5], [0.5, 1]], "u": [0.3, -1]});
     let law = "law --json --restitution 0.5 --friction 0.2 --problems -";
-    let law_keys = ["energy_ratio", "flags", "friction_work", "impulse", "law", "mode", "normal_work", "u_plus"];
-    for (args, input, expected) in [(impact, state, &impact_keys[..]), (law, problem, &law_keys[..])] {
+    for (args, input) in [(impact, state), (law, problem)] {
         let all = desk.answer(&format!("{args} --law all"), &input);
         assert_eq!(keys(&all), ["outcomes"], "nothing was refused");
         let outcomes = all["outcomes"].as_array().unwrap();
         assert!(outcomes.len() >= 5);
-        for outcome in outcomes {
-            assert_eq!(keys(outcome), expected);
-        }
+        assert!(outcomes.iter().all(|outcome| keys(outcome) == keys(&outcomes[0])), "{all}");
     }
 }
 
