@@ -18,21 +18,14 @@ fn stand_in_has_its_documented_mass_matrix() {
     }
 }
 
-/// Numbers derived for the stand-in arm at 0.2 m/s: v_t⁺ with Table I's Newton coefficients, energy losses and ratios.
+/// H of the stand-in arm, and the coupling that follows from it; what its impacts do is in the data of the paper, whose digits the command
+/// line tests.
 #[test]
 fn stand_in_has_its_documented_impact_numbers() {
     let chain = arm("planar2");
-    let tangential =
-        [(Elbow::Up, [0.29740, 0.31079, 0.29668, 0.23952]), (Elbow::Down, [0.05788, -0.02795, -0.10590, -0.23952])];
-    let loss = [(Elbow::Up, [7.672, 16.028, 25.250, 32.056]), (Elbow::Down, [8.311, 16.028, 24.231, 32.056])];
-    let root = [(Elbow::Up, [0.9873, 0.9749, 0.9575, 0.9017]), (Elbow::Down, [0.8893, 0.4148, 0.6247, 0.9017])];
-    for ((elbow, v_t), ((_, lost), (_, root))) in tangential.into_iter().zip(loss.into_iter().zip(root)) {
+    for (elbow, h) in [(Elbow::Up, -0.887129), (Elbow::Down, 0.887129)] {
         for k in 0..4 {
             let run = paper::strike(&chain, elbow, paper::ANGLES_DEG[k], 0.2, elbow.newton()[k]).unwrap();
-            assert!((run.tangential().1 - v_t[k]).abs() < 5e-6, "{elbow:?} {k}: {:?}", run.tangential());
-            assert!((run.hit.energy_loss() * 1e3 - lost[k]).abs() < 5e-4, "{elbow:?} {k}");
-            assert!((run.hit.energy_ratio().sqrt() - root[k]).abs() < 5e-5, "{elbow:?} {k}");
-            let h = if elbow == Elbow::Up { -0.887129 } else { 0.887129 };
             assert!((run.coupling - h).abs() < 5e-7, "{}", run.coupling);
         }
     }
