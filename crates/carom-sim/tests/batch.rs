@@ -3,11 +3,12 @@
 
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, ChainError, Point, uniform_chain};
-use carom_impact::{Energetic, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Mode, Poisson, Whittaker};
+use carom_impact::{Energetic, Frictionless, Law, Mode, Poisson, Whittaker};
 use carom_sim::{
     ChainImpact, FrictionlessJump, Impacts, JointModel, Outcomes, SimError, States, Strike, frictionless_jump_into,
 };
 use carom_testing::files::robot_with;
+use carom_testing::scenes::users_law;
 use nalgebra::{DMatrix, Vector2, Vector3};
 
 fn columns(rows: usize, count: usize, f: impl Fn(usize, usize) -> f64) -> Vec<Vec<f64>> {
@@ -172,18 +173,6 @@ fn columns_of_wrong_number_or_length_are_refused() {
     assert!(matches!(refused, Err(ChainError::WrongLength { got: 1, expected: 2, .. })));
 }
 
-/// A law that is not of the library.
-struct Halving;
-
-impl Law<f64, 3> for Halving {
-    fn name(&self) -> &'static str {
-        "halving"
-    }
-    fn resolve(&self, problem: &ImpactProblem<f64, 3>) -> Result<ImpactOutcome<f64, 3>, ImpactError> {
-        Frictionless { restitution: 0.5 }.resolve(problem)
-    }
-}
-
 /// All numbers of a result, for comparison by digits.
 fn numbers(hit: &ChainImpact) -> Vec<f64> {
     let vectors = [hit.impulse, hit.u_minus, hit.u_plus, hit.contact.impulse, hit.contact.u_plus];
@@ -196,12 +185,13 @@ fn numbers(hit: &ChainImpact) -> Vec<f64> {
 fn check_columns<'a>(chain: &'a Chain, describe: &impl Fn() -> Strike<'a>, count: usize) -> (usize, usize) {
     let q = columns(chain.nq(), count, |row, k| 0.4 * (row as f64 + 1.0) + 0.7 * (k as f64 + 0.3 * row as f64).sin());
     let qd = columns(chain.nv(), count, |row, k| (1.3 * row as f64 + 0.9 * k as f64).cos());
+    let halving = users_law("halving", |problem| Frictionless { restitution: 0.5 }.resolve(problem));
     let laws: [&dyn Law<f64, 3>; 5] = [
         &Frictionless { restitution: 0.35 },
         &Energetic { restitution: 0.5, friction: 0.3 },
         &Poisson { restitution: 0.2, friction: 0.8 },
         &Whittaker { restitution: 0.4, friction: 0.2 },
-        &Halving,
+        &halving,
     ];
     let (mut strike, mut single) = (describe().prepare().unwrap(), describe().prepare().unwrap());
     let mut alone = single.outcome();

@@ -6,6 +6,7 @@ use carom_impact::{Damping, Energetic, Frictionless};
 use carom_sim::{Compliance, ContactMode, ContactRule, Drive, EventKind, Holding, Impacts, Simulation, Yielding};
 use carom_testing::build::{X, Z, along, ball, falling_ball};
 use carom_testing::files::robot;
+use carom_testing::numeric::{rk4, simpson};
 use carom_testing::scenes::{self, half_space, kinds, on_floor, surface, with_robots};
 use nalgebra::Vector3;
 
@@ -44,16 +45,13 @@ fn a_compliant_ball_rebounds_with_the_given_restitution() {
         let balance = run.summary.energy;
         let lost = 0.5 * mass * speed * speed * (1.0 - e * e);
         assert!((balance.resistance / -lost - 1.0).abs() < 1e-7 && balance.error().abs() < 1e-9 * balance.start);
-        // Simpson's rule over the dense output.
-        let (a, b, n) = (presses.time, leaves.time, 2000);
-        let force = |k: i32| {
-            let moment = run.at(&sim.chain, a + (b - a) * f64::from(k) / f64::from(n));
-            sim.pressing_force(touch, damping, &moment).unwrap().z
+        let force = |time: f64| {
+            let force = sim.pressing_force(touch, damping, &run.at(&sim.chain, time)).unwrap().z;
+            assert!(force >= 0.0, "the force is never tensile: {force}");
+            force
         };
-        let weight = |k: i32| if k == 0 || k == n { 1.0 } else { f64::from(2 + 2 * (k % 2)) };
-        let impulse: f64 = (0..=n).map(|k| weight(k) * force(k)).sum::<f64>() * (b - a) / (3.0 * f64::from(n));
+        let impulse = simpson(force, [presses.time, leaves.time]);
         assert!((impulse / (mass * speed * (1.0 + e)) - 1.0).abs() < 1e-5, "{impulse}");
-        assert!((0..=n).all(|k| force(k) >= 0.0), "the force is never tensile");
     }
 }
 
@@ -334,15 +332,8 @@ fn walton_braun_contacts_remember_every_deeper_turn() {
             let yields = if d >= deepest { stiffness * d } else { stiffness / square * (d - (1.0 - square) * deepest) };
             yields.max(0.0)
         };
-        let a = |s: f64, d: f64| 9.81 + grows * (time + s) - pull(d, deepest);
-        // The classical method of Runge and Kutta for a second derivative that depends on position and time.
-        let k1 = a(0.0, d);
-        let k2 = a(0.5 * h, d + 0.5 * h * v);
-        let k3 = a(0.5 * h, d + 0.5 * h * v + 0.25 * h * h * k1);
-        let k4 = a(h, d + h * v + 0.5 * h * h * k2);
-        let (before, step) = (v, h / 6.0);
-        d += h * v + h * step * (k1 + k2 + k3);
-        v += step * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+        let before = v;
+        [d, v, _] = rk4(|[d, v, time]| [v, 9.81 + grows * time - pull(d, deepest), 1.0], [d, v, time], h);
         if before > 0.0 && v <= 0.0 && d > deepest {
             deepest = d;
             turns += 1;

@@ -7,10 +7,9 @@ use carom_sim::{
 };
 use carom_testing::build::{Part, X, Z, of_urdf, rooted};
 use carom_testing::files::{robot, robot_with};
+use carom_testing::scenes::G;
 use nalgebra::{DMatrix, DVector, Matrix2, Vector3};
 use std::f64::consts::{PI, TAU};
-
-const G: f64 = 9.81;
 
 fn floating(name: &str) -> Chain {
     robot_with(name, true)

@@ -4,6 +4,7 @@ use carom_chain::Chain;
 use carom_contact::Obstacle;
 use carom_sim::{ContactMode, ContactState, EventKind, Simulation, Touch, Trajectory};
 use carom_testing::build::{O, Part, X, Y, Z, brick, chain, cylinder, floating_box, free, in_plane, shape};
+use carom_testing::numeric::simpson;
 use carom_testing::scenes::{DOWN, G, among, level, newton, surface};
 use nalgebra::{Isometry3, Vector3};
 
@@ -66,13 +67,10 @@ fn a_rod_slips_off_an_edge_at_the_angle_of_its_closed_form() {
     no_time_steps(&run);
     let slips = run.events.iter().find(|event| event.kind.name() == "sliding").expect("it slips");
     let theta = (mu / (1.0 + 36.0 * k * k)).atan();
-    // θ = φ² makes the integrand smooth; Simpson's rule with 2000 intervals.
+    // θ = φ² makes the integrand smooth.
     let c = 2.0 * G * k / (length * (1.0 / 12.0 + k * k));
     let f = |phi: f64| if phi == 0.0 { 2.0 / c.sqrt() } else { 2.0 * phi / (c * (phi * phi).sin()).sqrt() };
-    let (n, end) = (2000, theta.sqrt());
-    let h = end / f64::from(n);
-    let inner: f64 = (1..n).map(|i| f(f64::from(i) * h) * if i % 2 == 1 { 4.0 } else { 2.0 }).sum();
-    let time = (f(0.0) + f(end) + inner) * h / 3.0;
+    let time = simpson(f, [0.0, theta.sqrt()]);
     assert!((slips.q[2] - theta).abs() < 1e-9, "{} {theta}", slips.q[2]);
     assert!((slips.time - time).abs() < 1e-8, "{} {time}", slips.time);
 }

@@ -7,22 +7,16 @@ use carom_impact::{
 use carom_sim::{
     ChainImpact, ContactLaw, ContactRule, Event, EventKind, Impacts, Moment, Scene, SimError, Simulation, States,
 };
-use carom_testing::scenes::{guided_box, shipped, with_robots};
+use carom_testing::scenes::{guided_box, shipped, users_law, with_robots};
 use nalgebra::Vector3;
 
 /// Newton's law with a restitution that decreases with the approach speed.
-struct Slowing;
-
-impl Law<f64, 3> for Slowing {
-    fn name(&self) -> &'static str {
-        "slowing"
-    }
-
-    fn resolve(&self, problem: &ImpactProblem<f64, 3>) -> Result<ImpactOutcome<f64, 3>, ImpactError> {
+fn slowing() -> impl Law<f64, 3> + Send + Sync + 'static {
+    users_law("slowing", |problem| {
         let restitution = 1.0 / (1.0 + 5.0 * problem.approach_speed());
         let hit = Newton { restitution, friction: 0.2 }.resolve(problem)?;
-        Ok(ImpactOutcome { law: self.name(), ..hit })
-    }
+        Ok(ImpactOutcome { law: "slowing", ..hit })
+    })
 }
 
 /// The impacts of single contacts of a run while no other lasts, each beside that of the law alone at the same state.
@@ -67,9 +61,9 @@ fn under(mut scene: Scene, law: ContactLaw) -> Scene {
 #[test]
 fn impacts_of_a_scene_with_a_users_law_are_those_of_the_law() {
     for (file, least) in [("planar2", 1), ("planar3", 3), ("strike7", 1), ("ball", 1)] {
-        let plan = under(shipped(file), ContactLaw::new(Slowing, 0.5, 0.2)).plan().unwrap();
+        let plan = under(shipped(file), ContactLaw::new(slowing(), 0.5, 0.2)).plan().unwrap();
         let run = plan.simulation.run(&plan.q, &plan.qd, 0.8).unwrap();
-        let pairs = beside(&plan.simulation, &run.events, &Slowing);
+        let pairs = beside(&plan.simulation, &run.events, &slowing());
         assert!(pairs.len() >= least, "{file}: {} impacts", pairs.len());
         for (hit, alone) in &pairs {
             assert_eq!(hit.contact.law, "slowing");
@@ -144,7 +138,7 @@ fn the_plan_names_a_users_law_and_its_friction_is_not_left_out() {
         let run = plan.simulation.run(&plan.q, &plan.qd, 0.5).unwrap();
         (plan, run)
     };
-    let (plan, run) = made(ContactLaw::new(Slowing, 0.5, 0.02));
+    let (plan, run) = made(ContactLaw::new(slowing(), 0.5, 0.02));
     let said: Vec<&str> = plan.kept.iter().filter(|it| it.what == "law").map(|it| it.choice.as_str()).collect();
     assert_eq!(
         said,
@@ -157,7 +151,7 @@ fn the_plan_names_a_users_law_and_its_friction_is_not_left_out() {
     assert!(plan.bounded.iter().any(|it| it.what == "friction"));
     assert!(run.summary.statistics.neglected_frictions > 0);
     // Without friction only laws of carom-impact are known to agree.
-    assert!(made(ContactLaw::new(Slowing, 0.5, 0.0)).0.left_out.iter().all(|it| it.what != "friction"));
+    assert!(made(ContactLaw::new(slowing(), 0.5, 0.0)).0.left_out.iter().all(|it| it.what != "friction"));
     assert!(made(Frictionless { restitution: 0.5 }.into()).0.left_out.iter().any(|it| it.what == "friction"));
 }
 
@@ -165,7 +159,7 @@ fn the_plan_names_a_users_law_and_its_friction_is_not_left_out() {
 fn several_contacts_have_the_restitution_that_is_given_with_a_users_law() {
     let run = |law: ContactLaw| guided_box(ContactRule::new(law)).run(&[0.5], &[0.0], 0.4).unwrap();
     let (own, named) =
-        (run(ContactLaw::new(Slowing, 0.3, 0.2)), run(Newton { restitution: 0.3, friction: 0.2 }.into()));
+        (run(ContactLaw::new(slowing(), 0.3, 0.2)), run(Newton { restitution: 0.3, friction: 0.2 }.into()));
     assert_eq!(format!("{:?}", own.events), format!("{:?}", named.events));
     let hit = &own.events[0];
     assert!(matches!(hit.kind, EventKind::Several { .. }), "{:?}", hit.kind);
@@ -182,9 +176,9 @@ fn rules_are_compared_shown_and_checked_by_value() {
     assert_ne!(law(0.5), ContactLaw::named("energetic", coefficients).unwrap());
     let frictionless = ContactLaw::named("frictionless", coefficients).unwrap();
     assert_ne!(frictionless, Frictionless { restitution: 0.5 }.into(), "the friction of lasting contacts differs");
-    let own = ContactLaw::new(Slowing, 0.5, 0.2);
+    let own = ContactLaw::new(slowing(), 0.5, 0.2);
     assert_eq!(own, own.clone());
-    assert_ne!(own, ContactLaw::new(Slowing, 0.5, 0.2));
+    assert_ne!(own, ContactLaw::new(slowing(), 0.5, 0.2));
     assert_ne!(own, law(0.5));
     let rule = ContactRule::new(own);
     assert_eq!(rule, rule.clone());
@@ -202,10 +196,10 @@ fn rules_are_compared_shown_and_checked_by_value() {
         sim.run(&[0.5], &[0.0], 0.4).unwrap_err().to_string()
     };
     let lies = "box on floor, corner 1: restitution is 1.5: a coefficient of restitution lies between 0 and 1";
-    assert_eq!(refused(ContactLaw::new(Slowing, 1.5, 0.2)), lies);
+    assert_eq!(refused(ContactLaw::new(slowing(), 1.5, 0.2)), lies);
     assert_eq!(refused(law(1.5)), lies);
     let negative = "box on floor, corner 1: friction is -0.1: a coefficient of friction is finite and not negative";
-    assert_eq!(refused(ContactLaw::new(Slowing, 0.5, -0.1)), negative);
+    assert_eq!(refused(ContactLaw::new(slowing(), 0.5, -0.1)), negative);
     let tangential = ChatterjeeRuina { restitution: 0.5, tangential_restitution: -1.5, friction: 0.2 };
     assert_eq!(
         refused(tangential.into()),

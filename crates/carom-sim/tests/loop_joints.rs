@@ -3,6 +3,7 @@
 use carom_chain::Chain;
 use carom_sim::{Event, Loop, LoopFrame, LoopJoint, Sampling, Simulation, Touch};
 use carom_testing::build::of_urdf;
+use carom_testing::numeric::rk4;
 use carom_testing::scenes::{G, half_space, rule, surface};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
@@ -162,21 +163,19 @@ fn a_point_is_a_spherical_pendulum() {
     let inertia: Matrix3<f64> =
         own + mass * (Matrix3::identity() * centre.norm_squared() - centre * centre.transpose());
     let inverse = inertia.try_inverse().unwrap();
-    let slope = |turn: &Quaternion<f64>, w: &Vector3<f64>| {
-        let gravity = UnitQuaternion::from_quaternion(*turn).inverse() * sim.gravity;
-        let spin = inverse * (centre.cross(&gravity) * mass - w.cross(&(inertia * w)));
-        (turn * Quaternion::from_imag(*w) * 0.5, spin)
+    let slope = |[w, x, y, z, a, b, c]: [f64; 7]| {
+        let (turn, rate) = (Quaternion::new(w, x, y, z), Vector3::new(a, b, c));
+        let gravity = UnitQuaternion::from_quaternion(turn).inverse() * sim.gravity;
+        let spin = inverse * (centre.cross(&gravity) * mass - rate.cross(&(inertia * rate)));
+        let Quaternion { coords } = turn * Quaternion::from_imag(rate) * 0.5;
+        [coords.w, coords.x, coords.y, coords.z, spin.x, spin.y, spin.z]
     };
     let mut turn = turn.into_inner();
     let h = 2e-5;
     for state in &states[1..] {
         for _ in 0..12500 {
-            let (a, b) = slope(&turn, &rate);
-            let (c, d) = slope(&(turn + a * (h / 2.0)), &(rate + b * (h / 2.0)));
-            let (e, f) = slope(&(turn + c * (h / 2.0)), &(rate + d * (h / 2.0)));
-            let (g, i) = slope(&(turn + e * h), &(rate + f * h));
-            turn = (turn + (a + c * 2.0 + e * 2.0 + g) * (h / 6.0)).normalize();
-            rate += (b + d * 2.0 + f * 2.0 + i) * (h / 6.0);
+            let [w, x, y, z, a, b, c] = rk4(slope, [turn.w, turn.i, turn.j, turn.k, rate.x, rate.y, rate.z], h);
+            (turn, rate) = (Quaternion::new(w, x, y, z).normalize(), Vector3::new(a, b, c));
         }
         let found = Vector3::new(state.qd[3], state.qd[4], state.qd[5]);
         assert!((found - rate).norm() < 1e-8, "{found} {rate}");

@@ -4,6 +4,7 @@ use carom_chain::Chain;
 use carom_impact::Coefficients;
 use carom_sim::{ContactLaw, ContactState, Drive, EventKind, Gains, Sampling, Seen, Simulation, Trajectory};
 use carom_testing::build::{O, Part, X, Z, ball, brick, chain, floating_box, in_plane, one_body, shape, urdf};
+use carom_testing::numeric::rk4;
 use carom_testing::scenes::{self, G, among, half_space, newton, surface};
 use nalgebra::{Vector2, Vector3};
 
@@ -172,14 +173,7 @@ fn a_spinning_box_is_borne_by_corners_that_push() {
         let mut y = [0.0, 0.0, 0.0, vx, vy, w];
         let steps = 2000;
         let step = end / f64::from(steps);
-        let add = |y: [f64; 6], k: [f64; 6], s: f64| std::array::from_fn(|i| y[i] + s * k[i]);
-        for _ in 0..steps {
-            let k1 = rate(y);
-            let k2 = rate(add(y, k1, step / 2.0));
-            let k3 = rate(add(y, k2, step / 2.0));
-            let k4 = rate(add(y, k3, step));
-            y = std::array::from_fn(|i| y[i] + step / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
-        }
+        (0..steps).for_each(|_| y = rk4(rate, y, step));
         let (_, _, mut loads) = loaded(y);
         assert_eq!(loads.contains(&0.0), pulls);
         let sim = simulation(floating_box(size, mass), &[("floor", Vector3::z())], mu);

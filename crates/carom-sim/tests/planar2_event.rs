@@ -12,11 +12,11 @@ use carom_chain::urdf::LoadOptions;
 use carom_impact::Frictionless;
 use carom_sim::Impacts;
 use carom_sim::{Drive, Event, EventKind, Integrator, Scene, Simulation, Trajectory};
+use carom_testing::build::planar2_mass;
+use carom_testing::files::ROOT;
+use carom_testing::numeric::rk4;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-const P1: f64 = 3.473;
-const P2: f64 = 0.196;
 const P3: f64 = 0.242;
 const L: f64 = 0.45;
 const R: f64 = 1e-6;
@@ -27,25 +27,11 @@ const G: f64 = 9.81;
 /// (q₁, q₂, q̇₁, q̇₂)
 type State = [f64; 4];
 
-fn mass(q: &[f64]) -> Matrix2<f64> {
-    let c = q[1].cos();
-    Matrix2::new(P1 + 2.0 * P3 * c, P2 + P3 * c, P2 + P3 * c, P2)
-}
-
 /// M q̈ = p₃ sin q₂ (q̇₂(2q̇₁ + q̇₂), −q̇₁²)
 fn rate([_, b, va, vb]: State) -> State {
     let force = Vector2::new(vb * (2.0 * va + vb), -va * va) * P3 * b.sin();
-    let acceleration = mass(&[a, b]).try_inverse().unwrap() * force;
+    let acceleration = planar2_mass(b).try_inverse().unwrap() * force;
     [va, vb, acceleration[0], acceleration[1]]
-}
-
-fn rk4(y: State, h: f64) -> State {
-    let plus = |y: State, k: State, h: f64| std::array::from_fn(|i| y[i] + h * k[i]);
-    let k1 = rate(y);
-    let k2 = rate(plus(y, k1, h / 2.0));
-    let k3 = rate(plus(y, k2, h / 2.0));
-    let k4 = rate(plus(y, k3, h));
-    std::array::from_fn(|i| y[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]))
 }
 
 /// Gap between tip and wall.
@@ -64,7 +50,7 @@ fn jacobian(q: &[f64]) -> Matrix2<f64> {
 
 /// Eqs (10)–(15): H = J M⁻¹ Jᵀ, p = −(1+e) uₙ/(nᵀHn), q̇⁺ = q̇⁻ + M⁻¹Jᵀn p.
 fn after_impact(y: State) -> Vector2<f64> {
-    let (j, inverse, n) = (jacobian(&y[..2]), mass(&y[..2]).try_inverse().unwrap(), Vector2::new(-1.0, 0.0));
+    let (j, inverse, n) = (jacobian(&y[..2]), planar2_mass(y[1]).try_inverse().unwrap(), Vector2::new(-1.0, 0.0));
     let qd = Vector2::new(y[2], y[3]);
     let h = j * inverse * j.transpose();
     let p = -(1.0 + E) * n.dot(&(j * qd)) / n.dot(&(h * n));
@@ -74,15 +60,15 @@ fn after_impact(y: State) -> Vector2<f64> {
 /// Time and state when the gap closes: RK4 steps of 10 µs, the last one found by bisection.
 fn until_touch(mut y: State) -> (f64, State) {
     let (mut steps, h) = (0.0, 1e-5);
-    while gap(rk4(y, h)) > 0.0 {
-        (steps, y) = (steps + 1.0, rk4(y, h));
+    while gap(rk4(rate, y, h)) > 0.0 {
+        (steps, y) = (steps + 1.0, rk4(rate, y, h));
     }
     let (mut low, mut high) = (0.0, h);
     for _ in 0..60 {
         let middle = (low + high) / 2.0;
-        if gap(rk4(y, middle)) > 0.0 { low = middle } else { high = middle }
+        if gap(rk4(rate, y, middle)) > 0.0 { low = middle } else { high = middle }
     }
-    (steps * h + high, rk4(y, high))
+    (steps * h + high, rk4(rate, y, high))
 }
 
 fn scene() -> Scene {
@@ -106,7 +92,7 @@ fn time_and_velocities_of_the_impact_match_the_closed_form() {
         "0.2 m/s at 45°, except for the radius of the ball: {u}"
     );
     for back in [0.0, 0.02, 0.05] {
-        let start = (0..1000).fold(at_wall, |y, _| rk4(y, -back / 1000.0));
+        let start = (0..1000).fold(at_wall, |y, _| rk4(rate, y, -back / 1000.0));
         let (time, y) = until_touch(start);
         let run = scene.simulation.run(&start[..2], &start[2..], 0.2).unwrap();
         let event = first_impact(&run);
@@ -146,7 +132,8 @@ fn an_impact_in_a_scene_equals_the_single_impact_at_its_state() {
 fn energy(state: &[f64]) -> f64 {
     let qd = Vector2::new(state[2], state[3]);
     let first_moment = 5.0 * 0.18 + (12.0 + 2.689) * L;
-    0.5 * qd.dot(&(mass(state) * qd)) + G * (first_moment * state[0].sin() + P3 / L * (state[0] + state[1]).sin())
+    0.5 * qd.dot(&(planar2_mass(state[1]) * qd))
+        + G * (first_moment * state[0].sin() + P3 / L * (state[0] + state[1]).sin())
 }
 
 /// One minute under gravity against a nearly elastic wall: the energy is constant between impacts.

@@ -3,11 +3,10 @@
 
 use carom_chain::Chain;
 use carom_sim::{Drive, Load, Profile, Reference, Simulation, Surface, Touch, Tracking, Wrench, WrenchAxes};
-use carom_testing::files::robot_with;
+use carom_testing::files::{ROOT, robot_with};
+use carom_testing::numeric::simpson;
 use carom_testing::scenes::{G, half_space, kinds, newton, on_floor, shipped, surface};
 use nalgebra::Vector3;
-
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 /// Dropped under PD it lands on its feet and stands: the forces of the floor carry its weight, the joints bear what statics asks of
 /// their motors, kp (target − q) = g − Jᵀf, the base has no motor, and nothing moves.
@@ -104,8 +103,7 @@ fn a_box_tipped_by_a_torque_turns_about_its_edge() {
     assert!((last.qd[4] - omega(phi)).abs() < 1e-8, "{} {}", last.qd[4], omega(phi));
     let place = [0.06 - r * (beta + phi).cos(), r * (beta + phi).sin()];
     assert!((last.q[0] - place[0]).abs() < 1e-9 && (last.q[2] - place[1]).abs() < 1e-9, "{last:?}");
-    // φ = s² removes the root at the start: dt = 2 s ds/ω(s²); Simpson's rule with 2000 panels.
-    let n = 2000;
+    // φ = s² removes the root at the start: dt = 2 s ds/ω(s²).
     let rate = |s: f64| {
         if s == 0.0 {
             // ω² = 2 φ (T − m g r cos β)/I to first order
@@ -113,20 +111,8 @@ fn a_box_tipped_by_a_torque_turns_about_its_edge() {
         }
         2.0 * s / omega(s * s)
     };
-    let h = phi.sqrt() / f64::from(n);
-    let sum: f64 = (0..=n)
-        .map(|k| {
-            let weight = if k == 0 || k == n {
-                1.0
-            } else if k % 2 == 1 {
-                4.0
-            } else {
-                2.0
-            };
-            weight * rate(h * f64::from(k))
-        })
-        .sum();
-    assert!((sum * h / 3.0 - 0.12).abs() < 1e-7, "{}", sum * h / 3.0);
+    let time = simpson(rate, [0.0, phi.sqrt()]);
+    assert!((time - 0.12).abs() < 1e-7, "{time}");
 }
 
 /// An arm that follows a reference into a wall presses on it, never enters it, and is on its reference again after the wall.

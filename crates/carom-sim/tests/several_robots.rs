@@ -2,10 +2,10 @@
 //! that do not touch move as each alone, and what a scene refuses.
 
 use carom_sim::{Drive, Event, EventKind, Plan, Scene, Simulation, Trajectory};
+use carom_testing::build::planar2_mass;
+use carom_testing::files::ROOT;
+use carom_testing::scenes::G;
 use nalgebra::{Matrix2, Vector2, Vector3};
-
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-const G: f64 = 9.81;
 
 fn shipped(name: &str) -> (Scene, Plan, Trajectory) {
     let scene = Scene::from_file(format!("{ROOT}/scenes/{name}.toml")).unwrap();
@@ -24,13 +24,6 @@ fn run(text: &str) -> (Plan, Trajectory) {
     let plan = scene.plan().unwrap();
     let run = plan.run(scene.duration).unwrap();
     (plan, run)
-}
-
-/// M of planar2.urdf by the formula in its head.
-fn mass_matrix(elbow: f64) -> Matrix2<f64> {
-    let (p1, p2, p3) = (3.473, 0.196, 0.242);
-    let c = p3 * elbow.cos();
-    Matrix2::new(p1 + 2.0 * c, p2 + c, p2 + c, p2)
 }
 
 /// Position of a point of planar2's forearm, given in the axes of the forearm, and the columns of its Jacobian, in the arm's
@@ -88,7 +81,7 @@ fn an_arm_catches_a_ball_that_bounces_off_its_forearm() {
     let along = Vector3::new(level.cos(), 0.0, level.sin()).dot(&(centre - elbow));
     let (point, jacobian) = forearm(q, Vector2::new(along, 0.03));
     assert!((Vector3::new(point.x, 0.0, point.y) - (centre + lever)).norm() < 1e-9, "{point}");
-    let found = mass_matrix(q[1]) * Vector2::new(arm[0], arm[1]);
+    let found = planar2_mass(q[1]) * Vector2::new(arm[0], arm[1]);
     let wanted = jacobian.transpose() * Vector2::new(onto_arm.x, onto_arm.z);
     assert!((found - wanted).norm() < 1e-10, "{found} {wanted}");
     // Newton's restitution of the normal velocity between the two.
@@ -131,7 +124,7 @@ fn two_arms_collide_with_opposite_impulses() {
     assert!((own.y.abs() - 0.03).abs() < 1e-5 && (0.0..0.38).contains(&own.x), "on the face of the forearm: {own}");
     let (_, of_right) = forearm(right, own);
     let of_right = -of_right;
-    let momenta = [left, right].map(|q| mass_matrix(q[1]));
+    let momenta = [left, right].map(|q| planar2_mass(q[1]));
     let impulses = [
         of_left.transpose().try_inverse().unwrap() * momenta[0] * jumps[0],
         of_right.transpose().try_inverse().unwrap() * momenta[1] * jumps[1],

@@ -1,12 +1,10 @@
 //! Single impacts of a chain.
 
 use carom_chain::Chain;
-use carom_impact::{
-    Brach, ChatterjeeRuina, Energetic, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Mode, Newton,
-    Poisson, Smith, Whittaker,
-};
+use carom_impact::{Brach, ChatterjeeRuina, Energetic, Frictionless, Law, Mode, Newton, Poisson, Smith, Whittaker};
 use carom_sim::{ChainImpact, Impacts, JointModel};
 use carom_testing::build::{Part, X, Y, Z, chain};
+use carom_testing::scenes::users_law;
 use nalgebra::{DVector, Vector3};
 
 /// A uniform rod of 1 kg and 1 m that moves in the x–z plane: q = (x, z, angle about y). The frame `end` is at one end.
@@ -115,7 +113,7 @@ fn impacts_of_planar_chains_in_their_plane_equal_those_in_space() {
         let (q, mut qd) = (draw(6.0), draw(4.0));
         let offset = [0.1, rng.f64(), -0.2];
         let (restitution, friction) = (rng.f64(), 1.5 * rng.f64());
-        let user = UsersLaw(Energetic { restitution, friction });
+        let user = users_law("users", |problem| Energetic { restitution, friction }.resolve(problem));
         let laws: [&dyn Law<f64, 3>; 9] = [
             &Frictionless { restitution },
             &Whittaker { restitution, friction },
@@ -202,18 +200,6 @@ fn impacts_of_planar_chains_in_their_plane_equal_those_in_space() {
         }
     }
     assert!(resolved > 1000 && slipped > 300, "{resolved} {slipped}");
-}
-
-/// A law that is not known to the library.
-struct UsersLaw(Energetic);
-
-impl Law<f64, 3> for UsersLaw {
-    fn name(&self) -> &'static str {
-        "users"
-    }
-    fn resolve(&self, problem: &ImpactProblem<f64, 3>) -> Result<ImpactOutcome<f64, 3>, ImpactError> {
-        self.0.resolve(problem)
-    }
 }
 
 /// A random row of two to six hinges and sliders in a plane of random direction.

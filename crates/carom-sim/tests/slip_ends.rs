@@ -3,6 +3,7 @@
 use carom_impact::Energetic;
 use carom_sim::{ContactRule, Drive, Loop, LoopFrame, LoopJoint, Simulation, Touch};
 use carom_testing::build::{self, O, Part, X, Y, Z, ball, chain, free, shape};
+use carom_testing::numeric::rk4;
 use carom_testing::scenes::{G, half_space, kinds, newton, on_floor, surface};
 use nalgebra::{Matrix3, Vector3};
 
@@ -246,15 +247,8 @@ impl Slider {
     /// α and its rate after this time, and the times at which the slip passes through zero: by Runge and Kutta's method, whose step is cut
     /// where the slip vanishes.
     fn after(&self, mut state: [f64; 2], duration: f64) -> ([f64; 2], Vec<f64>) {
-        let step = |[a, v]: [f64; 2], h: f64, direction: f64| {
-            let rate = |[a, v]: [f64; 2]| [v, self.moves([a, v], direction).1];
-            let k1 = rate([a, v]);
-            let k2 = rate([a + 0.5 * h * k1[0], v + 0.5 * h * k1[1]]);
-            let k3 = rate([a + 0.5 * h * k2[0], v + 0.5 * h * k2[1]]);
-            let k4 = rate([a + h * k3[0], v + h * k3[1]]);
-            let mean = [0, 1].map(|i| (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0);
-            [a + h * mean[0], v + h * mean[1]]
-        };
+        let step =
+            |state: [f64; 2], h: f64, direction: f64| rk4(|[a, v]| [v, self.moves([a, v], direction).1], state, h);
         let mut slips = -self.moves(state, 1.0).0.signum();
         let (mut time, mut turns) = (0.0, Vec::new());
         while time < duration {

@@ -4,6 +4,7 @@ use carom_chain::Chain;
 use carom_sim::{Drive, EventKind, Scene, Simulation, Touch};
 use carom_testing::build::{Part, X, brick, chain, floating_box, in_plane};
 use carom_testing::files::Folder;
+use carom_testing::numeric::simpson;
 use carom_testing::scenes::{G, among_planes, newton};
 use nalgebra::{DVector, Vector3};
 
@@ -14,14 +15,6 @@ const ZENO: f64 = 1e-6; // √(0.1 · tolerance)
 /// A simulation among half-spaces, each with a point and a normal, under Newton's law.
 fn among(chain: Chain, planes: &[[Vector3<f64>; 2]], restitution: f64, friction: f64) -> Simulation {
     Simulation { zeno_time: ZENO, ..among_planes(chain, planes, &newton(restitution, friction)) }
-}
-
-/// Simpson's rule with 2000 intervals.
-fn integral(of: impl Fn(f64) -> f64, end: f64) -> f64 {
-    let n = 2000;
-    let h = end / f64::from(n);
-    let inner: f64 = (1..n).map(|k| of(f64::from(k) * h) * if k % 2 == 1 { 4.0 } else { 2.0 }).sum();
-    (of(0.0) + inner + of(end)) * h / 3.0
 }
 
 /// Housner's rocking block from its release to rest, without any approximation of small angles. It turns about one corner with
@@ -62,7 +55,7 @@ fn a_rocking_block_rocks_to_rest_as_its_quadratures_say() {
                 let sine = if x == 0.0 { 0.5 * angle } else { half.sin() / (x * x) };
                 2.0 * angle / (4.0 * k * (alpha - angle + half).sin() * sine).sqrt()
             };
-            integral(of, 1.0)
+            simpson(of, [0.0, 1.0])
         };
         let times: Vec<f64> =
             run.events.iter().filter(|it| matches!(it.kind, EventKind::Several { .. })).map(|it| it.time).collect();

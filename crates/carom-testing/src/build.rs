@@ -3,6 +3,7 @@
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use fastrand::Rng;
+use nalgebra::Matrix2;
 
 /// Axes, and the origin.
 pub const X: [f64; 3] = [1.0, 0.0, 0.0];
@@ -245,6 +246,12 @@ pub fn along(axes: &[[f64; 3]], mass: f64, inertia: [f64; 3], element: &str) -> 
         if k + 1 == axes.len() { part.weighing(mass, inertia).shaped(element) } else { part.massless() }
     });
     chain(&rails.collect::<Vec<_>>())
+}
+
+/// M of the robot `planar2` of the repository, by the formula at its head: p₁ = 3.473, p₂ = 0.196, p₃ = 0.242 kg m².
+pub fn planar2_mass(elbow: f64) -> Matrix2<f64> {
+    let (p1, p2, p3) = (3.473, 0.196, 0.242 * elbow.cos());
+    Matrix2::new(p1 + 2.0 * p3, p2 + p3, p2 + p3, p2)
 }
 
 /// A ball of 2 kg and 0.1 m on a vertical slider.

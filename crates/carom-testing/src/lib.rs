@@ -5,6 +5,7 @@
 //! | [`build`] | robots from parts, as URDF or as chains |
 //! | [`files`] | robots and scenes of the repository, folders of a test |
 //! | `mechanisms` | linkages with closed loops (feature `sim`) |
+//! | [`numeric`] | methods of integration |
 //! | [`tables`] | tables of cases as text |
 //! | `scenes` | surfaces, laws and simulations (feature `sim`) |
 
@@ -12,6 +13,7 @@ pub mod build;
 pub mod files;
 #[cfg(feature = "sim")]
 pub mod mechanisms;
+pub mod numeric;
 #[cfg(feature = "sim")]
 pub mod scenes;
 pub mod tables;

@@ -4,7 +4,7 @@ use crate::build::{Part, Z, brick, chain};
 use crate::files::{Folder, path, text};
 use carom_chain::Chain;
 use carom_contact::Obstacle;
-use carom_impact::{Coefficients, Newton};
+use carom_impact::{Coefficients, ImpactError, ImpactOutcome, ImpactProblem, Law, Newton};
 use carom_sim::{ContactLaw, ContactRule, Scene, SimError, Simulation, Surface, Touch, Trajectory};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
@@ -32,6 +32,34 @@ pub fn rule(law: &str, restitution: f64, friction: f64) -> ContactRule {
 /// Newton's law.
 pub fn newton(restitution: f64, friction: f64) -> ContactRule {
     ContactRule::new(Newton { restitution, friction })
+}
+
+/// A law that is not of the library.
+#[derive(Debug)]
+pub struct UsersLaw<F> {
+    name: &'static str,
+    resolve: F,
+}
+
+/// A law with this name and this outcome.
+pub fn users_law<F>(name: &'static str, resolve: F) -> UsersLaw<F>
+where
+    F: Fn(&ImpactProblem<f64, 3>) -> Result<ImpactOutcome<f64, 3>, ImpactError>,
+{
+    UsersLaw { name, resolve }
+}
+
+impl<F> Law<f64, 3> for UsersLaw<F>
+where
+    F: Fn(&ImpactProblem<f64, 3>) -> Result<ImpactOutcome<f64, 3>, ImpactError>,
+{
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<f64, 3>) -> Result<ImpactOutcome<f64, 3>, ImpactError> {
+        (self.resolve)(problem)
+    }
 }
 
 /// A surface at rest.
