@@ -4,6 +4,7 @@ use crate::common::{Sample, Zoo, close, robot, sample};
 use carom_chain::algebra::Algebra;
 use carom_chain::urdf::{JointType, LoadOptions};
 use carom_chain::{Chain, ChainError, ContactInertia, Keep, Point, PointResponse, ResponseMemory, uniform_chain};
+use carom_testing::build::{self, Part};
 use nalgebra::{DMatrix, UnitQuaternion, Vector2, Vector3};
 
 /// Compares position, J and M to 1e-13 of their largest entry, and H and the response to that times the condition number of M.
@@ -319,25 +320,19 @@ fn fixed_points_mimic_joints_and_wrong_lengths_are_refused() {
 /// A row of `n` hinges whose axes all pass through one point, of which the last link has the offset returned; with `mimic`, the
 /// second follows the first.
 fn hinges_through_a_point(n: usize, mimic: bool, rng: &mut fastrand::Rng) -> (Chain, Vector3<f64>) {
-    let text = |v: Vector3<f64>| format!("{} {} {}", v.x, v.y, v.z);
-    let mut urdf = "<robot name='r'><link name='world'/>".to_owned();
     let mut arm = crate::common::vector(rng);
+    let mut parts = Vec::new();
     for k in 0..n {
-        let parent = k.checked_sub(1).map_or("world".into(), |p| format!("l{p}"));
+        let parent = k.checked_sub(1).map_or("base".into(), |p| format!("l{p}"));
         let axis = crate::common::vector(rng).normalize();
         let place = arm - axis * crate::common::unit(rng);
         arm -= place;
-        let follows = if mimic && k == 1 { "<mimic joint='j0' multiplier='-0.7'/>" } else { "" };
-        urdf += &format!(
-            "<link name='l{k}'><inertial><origin xyz='{}'/><mass value='1'/><inertia ixx='0.1' iyy='0.2' izz='0.15' ixy='0' ixz='0' \
-             iyz='0'/></inertial></link><joint name='j{k}' type='continuous'><origin xyz='{}'/><parent link='{parent}'/>\
-             <child link='l{k}'/><axis xyz='{}'/>{follows}</joint>",
-            text(crate::common::vector(rng)),
-            text(place),
-            text(axis)
-        );
+        let part = Part::hinge(&format!("l{k}"), &parent, axis.into()).at(place.into());
+        let part = part.com(crate::common::vector(rng).into()).weighing(1.0, [0.1, 0.2, 0.15]);
+        let follows = mimic && k == 1;
+        parts.push(if follows { part.joint("<mimic joint='jl0' multiplier='-0.7'/>") } else { part });
     }
-    (Chain::from_urdf_str(&(urdf + "</robot>"), &LoadOptions::default()).unwrap(), arm)
+    (build::chain(&parts), arm)
 }
 
 /// What no joint moves is moved along no direction, by every route: unrolled, fused, by recursions, with mimic joints. Its J is

@@ -1,36 +1,18 @@
 //! Several robots as one chain: M is block diagonal, every block and every point is that of the robot alone at its place,
 //! and an impulse on one robot moves no other.
 
-use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, ChainError, Coordinates, Placed};
+use carom_testing::build::{Part, Y, chain};
 use carom_testing::files::robot_with;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 /// A robot with a joint that mimics another.
 fn gripper() -> Chain {
-    let link = |name: &str| {
-        format!(
-            "<link name=\"{name}\"><inertial><origin xyz=\"0.02 0 0.05\"/><mass value=\"0.3\"/><inertia ixx=\"0.001\" \
-             ixy=\"0\" ixz=\"0\" iyy=\"0.002\" iyz=\"0\" izz=\"0.0015\"/></inertial></link>"
-        )
-    };
-    let joint = |name: &str, child: &str, y: f64, more: &str| {
-        format!(
-            "<joint name=\"{name}\" type=\"prismatic\"><parent link=\"palm\"/><child link=\"{child}\"/>\
-             <origin xyz=\"0.1 {y} 0\"/><axis xyz=\"0 1 0\"/><limit lower=\"0\" upper=\"0.05\" effort=\"9\" velocity=\"1\"/>\
-             {more}</joint>"
-        )
-    };
-    let text = format!(
-        "<robot name=\"gripper\"><link name=\"base\"/>{}{}{}<joint name=\"turn\" type=\"continuous\"><parent link=\"base\"/>\
-         <child link=\"palm\"/><axis xyz=\"0 0.6 0.8\"/></joint>{}{}</robot>",
-        link("palm"),
-        link("finger1"),
-        link("finger2"),
-        joint("open", "finger1", 0.02, ""),
-        joint("follow", "finger2", -0.02, "<mimic joint=\"open\" multiplier=\"-1\"/>"),
-    );
-    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+    let link = |part: Part| part.com([0.02, 0.0, 0.05]).weighing(0.3, [0.001, 0.002, 0.0015]);
+    let finger = |name: &str, y: f64| link(Part::slider(name, "palm", Y)).at([0.1, y, 0.0]).limits(0.0, 0.05, 9.0);
+    let follow = "<mimic joint=\"jfinger1\" multiplier=\"-1\"/>";
+    let palm = link(Part::hinge("palm", "base", [0.0, 0.6, 0.8]));
+    chain(&[palm, finger("finger1", 0.02), finger("finger2", -0.02).joint(follow)])
 }
 
 fn place(x: f64, rpy: [f64; 3]) -> Isometry3<f64> {

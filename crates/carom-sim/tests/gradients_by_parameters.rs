@@ -3,7 +3,7 @@
 use crate::closed_gradients::ball;
 use crate::sensitivity::{agrees, check, check_by, differences, kinds};
 use carom_sim::{ContactRule, Parameter, Simulation};
-use carom_testing::build::{Part, X, chain};
+use carom_testing::build::{self, O, Part, X, Y, chain, rooted, shape, urdf};
 use carom_testing::scenes::{changed, scene, with_robots};
 use nalgebra::{DMatrix, Vector3};
 
@@ -35,16 +35,11 @@ fn sensitivities_by_places_of_surfaces_pass_accumulations_of_impacts() {
 /// within the step of the height.
 #[test]
 fn sensitivities_by_the_height_of_a_floor_are_those_by_the_height_of_the_robot() {
-    let inertia = "<inertia ixx='0.002' iyy='0.003' izz='0.004' ixy='0' ixz='0' iyz='0'/>";
-    let ball =
-        |x, y| format!("<collision><origin xyz='{x} {y} 0'/><geometry><sphere radius='0.05'/></geometry></collision>");
+    let inertia = [0.002, 0.003, 0.004];
+    let ball = |x, y| shape(&build::ball(0.05), [x, y, 0.0], O);
     let robot = |other: &str| {
-        format!(
-            "<robot name='eccentric'><link name='b'><inertial><mass value='1'/>{inertia}</inertial>{}{other}</link>\
-             <link name='a'><inertial><origin xyz='0.1 0 0.1'/><mass value='0.5'/>{inertia}</inertial></link>\
-             <joint name='j' type='continuous'><parent link='b'/><child link='a'/><axis xyz='0 1 0'/></joint></robot>",
-            ball(0.1, 0.0)
-        )
+        let root = Part::hinge("b", "", Y).weighing(1.0, inertia).with(ball(0.1, 0.0)).with(other.to_owned());
+        rooted(&root.link(), &[Part::hinge("a", "b", Y).com([0.1, 0.0, 0.1]).weighing(0.5, inertia)])
     };
     let pulls = "compliance = { stiffness = 1e4, force = \"kelvin-voigt\", pulls = true }";
     let bristles = "compliance = { stiffness = 8e4, force = \"hunt-crossley\", exponent = 1, bristle = { stiffness = 4e3, damping = 9 } }";
@@ -56,7 +51,7 @@ fn sensitivities_by_the_height_of_a_floor_are_those_by_the_height_of_the_robot()
         let text = format!(
             "[robot]\nurdf = \"eccentric.urdf\"\nfloating = true\ntip = \"b\"\nq = [0, 0, 0.2, 0, 0, 0, 1, 0.1]\n\
              qd = [{qd}]\n[[surface]]\nname = \"floor\"\n\
-             shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}\n[[spring]]\njoint = \"j\"\nstiffness = 20\ndamping = 0.4\n\
+             shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}\n[[spring]]\njoint = \"ja\"\nstiffness = 20\ndamping = 0.4\n\
              [contact]\nlaw = \"newton\"\nfriction = 0.4\n{contact}\n\
              [run]\nduration = {duration}\ngravity = [0, 0, -9.81]\ntolerance = 1e-11\n"
         );
@@ -203,19 +198,17 @@ fn sensitivities_by_rows_of_tables_equal_differences_of_runs() {
 #[test]
 fn the_time_at_which_a_joint_leaves_its_stop_against_dry_friction_has_the_derivative_of_its_closed_form() {
     let (friction, pull) = (3.0, 6.0);
-    let robot = "<robot name='slider'><link name='base'/><link name='a'><inertial><mass value='0.7'/>\
-        <inertia ixx='0.1' iyy='0.1' izz='0.1' ixy='0' ixz='0' iyz='0'/></inertial></link>\
-        <joint name='x' type='prismatic'><parent link='base'/><child link='a'/><axis xyz='1 0 0'/>\
-        <limit lower='0' upper='9' effort='99' velocity='99'/><dynamics friction='3'/></joint></robot>";
+    let slider = Part::slider("a", "base", X).limits(0.0, 9.0, 99.0).joint("<dynamics friction='3'/>");
+    let robot = urdf(&[slider.weighing(0.7, [0.1; 3])]);
     let text =
         "[robot]\nurdf = \"slider.urdf\"\nq = [0]\n[run]\nduration = 1\ngravity = [0, 0, 0]\ntolerance = 1e-11\n";
-    let mut scene = scene(&[("slider.urdf", robot)], text).unwrap();
+    let mut scene = scene(&[("slider.urdf", &robot)], text).unwrap();
     let forces = vec![vec![0.0], vec![pull]];
     scene.simulation.drive = carom_sim::Drive::Table(carom_sim::TorqueTable { times: vec![0.0, 1.0], forces });
     let plan = scene.plan().unwrap();
     let found = plan.sensitivity(1.0, &Parameter::all(&plan.simulation)).unwrap();
     let column =
-        found.names.iter().position(|name| name == "torque x 1").unwrap_or_else(|| panic!("{:?}", found.names));
+        found.names.iter().position(|name| name == "torque ja 1").unwrap_or_else(|| panic!("{:?}", found.names));
     let event = found.events.iter().find(|event| event.kinds.contains(&"lift-off")).unwrap();
     assert!((event.time - friction / pull).abs() < 1e-8, "{}", event.time);
     let exact = -friction / (pull * pull);

@@ -2,7 +2,7 @@
 
 use carom_chain::Chain;
 use carom_sim::{Event, Loop, LoopFrame, LoopJoint, Sampling, Simulation, Touch};
-use carom_testing::build::of_urdf;
+use carom_testing::build::{O, Part, Z, ball, chain, shape};
 use carom_testing::numeric::rk4;
 use carom_testing::scenes::{G, half_space, rule, surface};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
@@ -11,29 +11,16 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 const RPY: [f64; 3] = [0.4, -0.7, 1.1];
 const XYZ: [f64; 3] = [0.3, 0.1, -0.2];
 
+/// The place of a joint in the origin of its parent.
+const THERE: ([f64; 3], [f64; 3]) = (O, O);
+/// Of the hinges.
+const AXIS: [f64; 3] = [0.2, 1.0, 0.1];
+
 /// A link of 1.3 kg with a ball at its centre of mass, 0.4 m below its origin.
-fn body(name: &str) -> String {
-    format!(
-        r#"<link name="{name}"><inertial><origin xyz="0.1 0 -0.4"/><mass value="1.3"/>
-        <inertia ixx="0.02" ixy="0.001" ixz="0" iyy="0.03" iyz="0.002" izz="0.014"/></inertial>
-        <collision><origin xyz="0.1 0 -0.4"/><geometry><sphere radius="0.08"/></geometry></collision></link>"#
-    )
-}
-
-fn joint(name: &str, kind: &str, parent: &str, child: &str, place: ([f64; 3], [f64; 3]), more: &str) -> String {
-    let list = |v: [f64; 3]| format!("{} {} {}", v[0], v[1], v[2]);
-    format!(
-        r#"<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
-        <origin xyz="{}" rpy="{}"/>{more}</joint>"#,
-        list(place.0),
-        list(place.1)
-    )
-}
-
-const HINGE: &str = r#"<axis xyz="0.2 1 0.1"/>"#;
-
-fn chain(links: &str) -> Chain {
-    of_urdf(&format!(r#"<robot name="robot"><link name="ground"/>{links}</robot>"#))
+fn body(joint: &'static str, parent: &str, (at, rpy): ([f64; 3], [f64; 3])) -> Part {
+    let com = [0.1, 0.0, -0.4];
+    let body = Part::new("body", parent, joint, AXIS, at).turned(rpy).with(shape(&ball(0.08), com, O));
+    body.com(com).weighing(1.3, [0.02, 0.03, 0.014]).products([0.001, 0.0, 0.002])
 }
 
 /// With a wall of some friction and restitution at this height in the way of the balls.
@@ -95,9 +82,9 @@ fn strikes(events: &[Event]) {
 /// A floating body that is pinned to the world is one on a hinge.
 #[test]
 fn a_pin_is_a_hinge() {
-    let tree = chain(&(body("body") + &joint("hinge", "continuous", "ground", "body", (XYZ, RPY), HINGE)));
-    let tied = chain(&(body("body") + &joint("free", "floating", "ground", "body", ([0.0; 3], [0.0; 3]), "")));
-    let axis = Vector3::new(0.2, 1.0, 0.1);
+    let tree = chain(&[body("continuous", "base", (XYZ, RPY))]);
+    let tied = chain(&[body("floating", "base", THERE)]);
+    let axis = Vector3::from(AXIS);
     for length in [1.0, 7.0] {
         let pin = LoopJoint::Pin { axis: axis * length };
         for swapped in [false, true] {
@@ -121,13 +108,10 @@ fn a_pin_is_a_hinge() {
 /// Two bodies that are welded by a loop are one with a fixed joint, the first on a hinge, the second floating.
 #[test]
 fn a_weld_is_a_fixed_joint() {
-    let arm = r#"<link name="arm"><inertial><origin xyz="0 0.1 -0.2"/><mass value="0.8"/>
-        <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.012" iyz="0" izz="0.009"/></inertial></link>"#;
-    let hinge = joint("hinge", "continuous", "ground", "arm", ([0.0, 0.0, 0.1], [0.2, 0.1, 0.0]), HINGE);
-    let tree =
-        chain(&(arm.to_owned() + &body("body") + &hinge + &joint("fix", "fixed", "arm", "body", (XYZ, RPY), "")));
-    let free = joint("free", "floating", "ground", "body", ([0.0; 3], [0.0; 3]), "");
-    let tied = chain(&(arm.to_owned() + &body("body") + &hinge + &free));
+    let arm = Part::hinge("arm", "base", AXIS).at([0.0, 0.0, 0.1]).turned([0.2, 0.1, 0.0]);
+    let arm = arm.com([0.0, 0.1, -0.2]).weighing(0.8, [0.01, 0.012, 0.009]);
+    let tree = chain(&[arm.clone(), body("fixed", "arm", (XYZ, RPY))]);
+    let tied = chain(&[arm, body("floating", "base", THERE)]);
     let loops =
         tie(LoopJoint::Weld, LoopFrame::new(Some("arm"), XYZ, RPY), LoopFrame::new(Some("body"), [0.0; 3], [0.0; 3]));
     let mut start = vec![0.4];
@@ -140,7 +124,7 @@ fn a_weld_is_a_fixed_joint() {
 /// I ω̇ = m c × g − ω × I ω about this point, integrated independently (Runge & Kutta's method, 2e-5 s).
 #[test]
 fn a_point_is_a_spherical_pendulum() {
-    let tied = chain(&(body("body") + &joint("free", "floating", "ground", "body", ([0.0; 3], [0.0; 3]), "")));
+    let tied = chain(&[body("floating", "base", THERE)]);
     let loops = tie(LoopJoint::Point, LoopFrame::new(Some("body"), [0.0; 3], [0.0; 3]), LoopFrame::new(None, XYZ, RPY));
     let mut sim = simulation(tied, loops, -2.0);
     sim.touches.clear();
@@ -192,20 +176,12 @@ fn a_point_is_a_spherical_pendulum() {
 /// moves as without the mimic joint.
 #[test]
 fn a_mimic_joint_agrees_with_the_loop_that_demands_the_same() {
-    let rod = |name: &str| {
-        format!(
-            r#"<link name="{name}"><inertial><origin xyz="0.5 0 0"/><mass value="1"/>
-            <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.0833" iyz="0" izz="0.0833"/></inertial></link>"#
-        )
+    let rod = |name: &str, parent: &str, x: f64| {
+        let part = Part::hinge(name, parent, Z).at([x, 0.0, 0.0]).com([0.5, 0.0, 0.0]);
+        part.weighing(1.0, [0.001, 0.0833, 0.0833])
     };
-    let z = r#"<axis xyz="0 0 1"/>"#;
     let links = |mimic: &str| {
-        rod("left")
-            + &rod("coupler")
-            + &rod("right")
-            + &joint("left", "continuous", "ground", "left", ([0.0; 3], [0.0; 3]), z)
-            + &joint("coupler", "continuous", "left", "coupler", ([1.0, 0.0, 0.0], [0.0; 3]), z)
-            + &joint("right", "continuous", "ground", "right", ([1.0, 0.0, 0.0], [0.0; 3]), &format!("{z}{mimic}"))
+        chain(&[rod("left", "base", 0.0), rod("coupler", "left", 1.0), rod("right", "base", 1.0).joint(mimic)])
     };
     let pin = LoopJoint::Pin { axis: Vector3::z() };
     let end = |link| LoopFrame::new(Some(link), [1.0, 0.0, 0.0], [0.0; 3]);
@@ -215,8 +191,8 @@ fn a_mimic_joint_agrees_with_the_loop_that_demands_the_same() {
         let sim = Simulation { loops: loops.clone(), gravity, tolerance: 1e-11, ..Simulation::new(chain, Vec::new()) };
         sim.run(q, qd, 0.5).unwrap().summary.last
     };
-    let free = run(chain(&links("")), &[1.3, -1.3, 1.3], &[-0.5, 0.5, -0.5]);
-    let geared = run(chain(&links(r#"<mimic joint="left"/>"#)), &[1.3, -1.3], &[-0.5, 0.5]);
+    let free = run(links(""), &[1.3, -1.3, 1.3], &[-0.5, 0.5, -0.5]);
+    let geared = run(links(r#"<mimic joint="jleft"/>"#), &[1.3, -1.3], &[-0.5, 0.5]);
     assert_eq!(geared.q.len(), 2);
     for k in 0..2 {
         assert!(

@@ -1,15 +1,15 @@
 //! Estimated errors of runs, and tolerances that meet an accuracy.
 
 use carom_sim::{Event, Moment, Plan, RunError, Sampling, Scene, Seen, SimError, Simulation, Summary};
+use carom_testing::build::{Part, X, Z, ball, urdf};
 use carom_testing::scenes::{changed, scene};
 use std::f64::consts::PI;
 
 /// A ball on a spring strikes a wall at the rest length of the spring: between impacts x = eᵏ x₀ |cos ωt|.
-const ON_SPRING: &str = r#"<robot name="ball"><link name="world"/>
-    <joint name="slide" type="prismatic"><parent link="world"/><child link="ball"/><axis xyz="1 0 0"/>
-        <limit lower="-9" upper="9" effort="1" velocity="9"/></joint>
-    <link name="ball"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-        <collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"#;
+fn ball_on_slider() -> String {
+    urdf(&[Part::slider("ball", "base", X).weighing(2.0, [1.0; 3]).shaped(&ball(0.1))])
+}
+
 /// √(k/m), 1/s, and the restitution.
 const OMEGA: f64 = 3.0;
 const RESTITUTION: f64 = 0.8;
@@ -17,11 +17,11 @@ const RESTITUTION: f64 = 0.8;
 fn on_spring(run: &str) -> Result<Scene, SimError> {
     let text = format!(
         "[robot]\nurdf = \"ball.urdf\"\nq = [0.5]\n[[surface]]\nname = \"wall\"\nshape = {{ halfspace = {{ point = [-0.1, 0, 0], normal = [1, 0, 0] }} }}\n\
-         [[spring]]\njoint = \"slide\"\nstiffness = {}\n[contact]\nlaw = \"newton\"\nrestitution = {RESTITUTION}\nfriction = 0\n\
+         [[spring]]\njoint = \"jball\"\nstiffness = {}\n[contact]\nlaw = \"newton\"\nrestitution = {RESTITUTION}\nfriction = 0\n\
          [run]\ngravity = [0, 0, 0]\n{run}",
         2.0 * OMEGA * OMEGA
     );
-    scene(&[("ball.urdf", ON_SPRING)], &text)
+    scene(&[("ball.urdf", &ball_on_slider())], &text)
 }
 
 /// A run with its errors.
@@ -55,18 +55,7 @@ fn exact(time: f64) -> [f64; 2] {
 /// same impacts, and the error of leaving them is in both runs. Against a run at the tightest tolerance.
 #[test]
 fn errors_of_the_ends_of_accumulations_are_estimated() {
-    let slide = |name: &str, [parent, child]: [&str; 2], axis: &str| {
-        format!(
-            "<joint name='{name}' type='prismatic'><parent link='{parent}'/><child link='{child}'/><axis xyz='{axis}'/>\
-             <limit lower='-99' upper='99' effort='0' velocity='0'/></joint>"
-        )
-    };
-    let robot = format!(
-        "<robot name='mass'><link name='world'/><link name='a'/><link name='b'><inertial><mass value='1'/><inertia ixx='0.01' iyy='0.01' \
-         izz='0.01' ixy='0' ixz='0' iyz='0'/></inertial><collision><geometry><sphere radius='0.05'/></geometry></collision></link>{}{}</robot>",
-        slide("x", ["world", "a"], "1 0 0"),
-        slide("z", ["a", "b"], "0 0 1")
-    );
+    let robot = urdf(&[Part::slider("x", "base", X).massless(), Part::slider("z", "x", Z).shaped(&ball(0.05))]);
     let cases = [
         (0.03, [50, 50], 0.6, [0.2, 1.0], 0.3, 0.4),
         (0.15, [50, 500], 0.6, [0.5, 3.0], 0.0, 0.7),
@@ -81,8 +70,8 @@ fn errors_of_the_ends_of_accumulations_are_estimated() {
                 "[robot]\nurdf = \"mass.urdf\"\nq = [0, {height}]\nqd = [{speed}, 0]\n[[surface]]\nname = \"floor\"\n\
                  shape = {{ halfspace = {{ point = [0, 0, 0], normal = [{steep}, 0, 1] }} }}\n{}{}\
                  [contact]\nlaw = \"energetic\"\nrestitution = {restitution}\nfriction = {friction}\n[run]\nduration = {duration}\n{run}",
-                spring("x", along),
-                spring("z", down)
+                spring("jx", along),
+                spring("jz", down)
             );
             scene(&[("mass.urdf", &robot)], &text).unwrap()
         };
@@ -205,7 +194,7 @@ fn an_accuracy_is_met_by_a_tolerance_of_its_own() {
         let told = found.plan.kept.iter().find(|decision| decision.what == "accuracy").unwrap();
         assert!(told.why.contains(&format!("{accuracy:e}")), "{told:?}");
         assert!(!found.scene.text.contains("accuracy"), "{}", found.scene.text);
-        let again = scene(&[("ball.urdf", ON_SPRING)], &found.scene.text).unwrap();
+        let again = scene(&[("ball.urdf", &ball_on_slider())], &found.scene.text).unwrap();
         assert_eq!(again.simulation.tolerance, tolerance);
         let (events, _, summary, _) = estimated(&found.scene.plan().unwrap(), 5.0, None);
         assert_eq!((&summary.last.q, &summary.last.qd), (&last.q, &last.qd));

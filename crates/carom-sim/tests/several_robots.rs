@@ -2,8 +2,8 @@
 //! that do not touch move as each alone, and what a scene refuses.
 
 use carom_sim::{Drive, Event, EventKind, Plan, Scene, Simulation, Trajectory};
-use carom_testing::build::planar2_mass;
-use carom_testing::files::ROOT;
+use carom_testing::build::{Part, Z, ball, planar2_mass, rooted};
+use carom_testing::files::{Folder, ROOT};
 use carom_testing::scenes::G;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
@@ -367,33 +367,21 @@ fn refusals_name_the_robot_and_the_remedy() {
 /// With an SRDF, `links = "all"` are the pairs of one robot that it does not disable and that are not neighbours.
 #[test]
 fn all_links_but_those_that_the_srdf_disables_may_touch() {
-    let folder = std::env::temp_dir().join(format!("carom-srdf-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let links: String = (0..4)
-        .map(|k| {
-            format!(
-                "<link name=\"l{k}\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" \
-                 izz=\"1\"/></inertial><collision><geometry><sphere radius=\"0.1\"/></geometry></collision></link>"
-            )
-        })
-        .collect();
-    let joints: String = (1..4)
-        .map(|k| {
-            format!(
-                "<joint name=\"j{k}\" type=\"continuous\"><parent link=\"l{}\"/><child link=\"l{k}\"/><origin xyz=\"1 0 0\"/>\
-                 <axis xyz=\"0 0 1\"/></joint>",
-                k - 1
-            )
-        })
-        .collect();
-    std::fs::write(folder.join("row.urdf"), format!("<robot name=\"row\">{links}{joints}</robot>")).unwrap();
-    let srdf = "<robot name=\"row\"><group name=\"g\"/><disable_collisions link1=\"l3\" link2=\"l0\" reason=\"Never\"/></robot>";
-    std::fs::write(folder.join("row.srdf"), srdf).unwrap();
+    let folder = Folder::new();
+    let part = |k: usize| {
+        let parent = k.checked_sub(1).map_or(String::new(), |p| format!("l{p}"));
+        Part::hinge(&format!("l{k}"), &parent, Z).at([1.0, 0.0, 0.0]).weighing(1.0, [1.0; 3]).shaped(&ball(0.1))
+    };
+    folder.write("row.urdf", rooted(&part(0).link(), &[1, 2, 3].map(part)));
+    folder.write(
+        "row.srdf",
+        "<robot name=\"r\"><group name=\"g\"/><disable_collisions link1=\"l3\" link2=\"l0\" reason=\"Never\"/></robot>",
+    );
     let scene = |robot: &str, links: &str| {
         let text = format!(
             "[robot]\nurdf = \"row.urdf\"\nq = [0, 0, 0]\n{robot}\n[contact]\nlinks = {links}\n[run]\nduration = 1\n"
         );
-        Scene::from_toml(&text, &folder)
+        Scene::from_toml(&text, &*folder)
     };
     let names = |robot: &str| {
         let scene = scene(robot, "\"all\"").unwrap();
@@ -403,5 +391,4 @@ fn all_links_but_those_that_the_srdf_disables_may_touch() {
     assert_eq!(names("srdf = \"row.srdf\""), ["l0 on l2", "l1 on l3"]);
     let refused = scene("srdf = \"row.srdf\"", "[[\"l0\", \"l3\"]]").unwrap_err().to_string();
     assert!(refused.contains("[\"l0\", \"l3\"]: the SRDF disables this pair: remove it here or there"), "{refused}");
-    std::fs::remove_dir_all(folder).unwrap();
 }

@@ -80,8 +80,10 @@ pub struct Part {
     pub mass: f64,
     /// Centre of mass, m.
     pub com: [f64; 3],
-    /// Principal moments about the axes of the link, kg m².
+    /// Moments of inertia about the axes of the link, kg m².
     pub inertia: [f64; 3],
+    /// Products of inertia xy, xz, yz, kg m².
+    pub products: [f64; 3],
     /// Collision elements.
     pub shapes: String,
 }
@@ -91,7 +93,7 @@ impl Part {
     pub fn new(name: &str, parent: &str, joint: &'static str, axis: [f64; 3], at: [f64; 3]) -> Self {
         let (name, parent) = (name.to_owned(), parent.to_owned());
         let (more, shapes) = (String::new(), String::new());
-        Self { name, parent, joint, axis, at, rpy: O, more, mass: 1.0, com: O, inertia: [0.01; 3], shapes }
+        Self { name, parent, joint, axis, at, rpy: O, more, mass: 1.0, com: O, inertia: [0.01; 3], products: O, shapes }
     }
 
     /// A part that slides, with its joint in the origin of the parent.
@@ -141,6 +143,11 @@ impl Part {
         Self { mass, inertia, ..self }
     }
 
+    /// With products of inertia xy, xz, yz.
+    pub fn products(self, products: [f64; 3]) -> Self {
+        Self { products, ..self }
+    }
+
     /// Without mass and inertia.
     pub fn massless(self) -> Self {
         self.weighing(0.0, O)
@@ -165,8 +172,9 @@ impl Part {
     pub fn link(&self) -> String {
         let Self { name, shapes, mass, .. } = self;
         let [ixx, iyy, izz] = self.inertia.map(|x| format!("{x:?}"));
+        let [ixy, ixz, iyz] = self.products;
         let com = xml(&self.com);
-        let moments = format!(r#"<inertia ixx="{ixx}" iyy="{iyy}" izz="{izz}" ixy="0" ixz="0" iyz="0"/>"#);
+        let moments = format!(r#"<inertia ixx="{ixx}" iyy="{iyy}" izz="{izz}" ixy="{ixy}" ixz="{ixz}" iyz="{iyz}"/>"#);
         let inertia = match *mass {
             0.0 => String::new(),
             _ => format!(r#"<inertial><origin xyz="{com}"/><mass value="{mass:?}"/>{moments}</inertial>"#),

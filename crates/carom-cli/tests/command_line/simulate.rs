@@ -2,6 +2,7 @@
 
 use crate::command_line::desk::*;
 use carom_sim::{Parameter, Scene};
+use carom_testing::build::{Part, Z, ball, urdf};
 use carom_testing::files::text;
 use serde_json::Value;
 
@@ -244,12 +245,8 @@ fn sensitivities_are_those_of_the_library() {
 #[test]
 fn sensitivities_that_do_not_exist_are_told_or_refused() {
     let desk = Desk::new();
-    let slide = r#"<robot name="ball"><link name="world"/><link name="ball">
-        <inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
-        <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
-        <joint name="fall" type="prismatic"><parent link="world"/><child link="ball"/><axis xyz="0 0 1"/>
-        <limit lower="-9" upper="9" effort="0" velocity="0"/></joint></robot>"#;
-    desk.write("ball.urdf", slide);
+    let ball = Part::slider("ball", "base", Z).weighing(2.0, [1.0; 3]).shaped(&ball(0.1));
+    desk.write("ball.urdf", urdf(&[ball]));
     let scene = r#"robot = { urdf = "ball.urdf", tip = "ball", q = [0.1], qd = [-1] }
         surface = [{ shape = { halfspace = { point = [0, 0, 0], normal = [0, 0, 1] } } }]
         contact = { restitution = 0.5 }
