@@ -9,10 +9,9 @@
 //!
 //! A measurement whose derivative exceeds ten medians is left out: its motion jumps within the step of the differences.
 
-use super::candidates::title;
-use super::comparison::{Judged, centre};
+use super::candidates::{Candidate, title};
 use super::search::Residuals;
-use carom_study::fit::median;
+use carom_study::fit::{Region, median};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
@@ -34,20 +33,24 @@ const STEP: f64 = 0.01;
 /// Derivatives beyond this number of medians are those of jumps.
 pub(super) const JUMP: f64 = 10.0;
 
-/// The weakest combination of the parameters of a model, at their mean over the folds; `residuals` gives the residual of each measurement, of a fixed length, or
+/// The weakest combination at the parameters `x`; `residuals` gives the residual of each measurement, of a fixed length, or
 /// `None` where the model refuses it. `None` with fewer than two parameters.
-pub(super) fn weakest(best: &Judged, max_friction: f64, residuals: &dyn Fn(&[f64]) -> Residuals) -> Option<Weakest> {
-    let (model, x) = (&best.candidate, centre(&best.coefficients));
-    let (p, region) = (x.len(), model.region(max_friction));
+pub(super) fn weakest(
+    model: &Candidate,
+    region: &Region,
+    x: &[f64],
+    residuals: &dyn Fn(&[f64]) -> Residuals,
+) -> Option<Weakest> {
+    let p = x.len();
     if p < 2 {
         return None;
     }
-    let at = residuals(&x);
+    let at = residuals(x);
     let mut slopes: Vec<Option<DMatrix<f64>>> =
         at.iter().map(|r| r.as_ref().map(|r| DMatrix::zeros(r.len(), p))).collect();
     for (k, &(low, high)) in region.bounds.iter().enumerate() {
         let moved = |sign: f64| {
-            let mut x = x.clone();
+            let mut x = x.to_vec();
             x[k] = (x[k] + sign * STEP * (high - low)).clamp(low, high);
             (x[k], residuals(&x))
         };
@@ -92,15 +95,13 @@ pub(super) fn weakest(best: &Judged, max_friction: f64, residuals: &dyn Fn(&[f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compare::candidates::Candidate;
 
     /// Residuals that depend on the sum of two parameters alone: the weakest direction is their difference. One measurement that
     /// jumps does not count.
     #[test]
     fn the_weakest_direction_is_that_which_no_residual_sees() {
-        // two parameters, which range from 0 to 1
-        let (candidate, coefficients) = (Candidate::all().swap_remove(1), vec![vec![0.25, 0.5], vec![0.75, 0.5]]);
-        let best = Judged { candidate, coefficients, training: Vec::new(), errors: Vec::new() };
+        let model = &Candidate::all()[1];
+        let region = Region { bounds: vec![(0.0, 1.0), (0.0, 1.0)], grid: vec![vec![0.5]; 2] };
         let residuals = |x: &[f64]| -> Residuals {
             let one = |k: usize| {
                 let noise = 0.01 * (k as f64 * 1.7).sin();
@@ -109,7 +110,7 @@ mod tests {
             };
             (0..20).map(one).collect()
         };
-        let found = weakest(&best, 1.0, &residuals).unwrap();
+        let found = weakest(model, &region, &[0.5, 0.5], &residuals).unwrap();
         let [a, b] = [found.direction[0].1, found.direction[1].1];
         assert!((a + b).abs() < 1e-9 && (a.abs() - 0.5_f64.sqrt()).abs() < 1e-9, "{found:?}");
         // along the sum, with derivatives √2: noise of 0.007 over √(2 · 19)

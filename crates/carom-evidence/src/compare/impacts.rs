@@ -1,14 +1,14 @@
 //! The protocol for single impacts.
 
 use super::candidates::Candidate;
-use super::comparison::{CompareOptions, Comparison, Judged, Progress, best, rows};
+use super::comparison::{CompareOptions, Comparison, Judged, Progress, best, centre, rows};
 use super::data::{DataSet, Impacts, too_few};
 use super::identify::weakest;
 use super::impact::Impact;
-use super::search::Residuals;
 use super::selection::chosen;
 use super::statistics::{Spread, folds};
 use crate::EvidenceError;
+use nalgebra::DVector;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -56,9 +56,11 @@ pub(super) fn compare(
         impacts.iter().zip(&fold_of).map(of).collect()
     };
     let direction = |best: &Judged| {
-        let residuals =
-            |x: &[f64]| -> Residuals { impacts.iter().map(|impact| impact.residual(&best.candidate, x)).collect() };
-        weakest(best, options.max_friction, &residuals)
+        let model = &best.candidate;
+        let residuals = |x: &[f64]| -> Vec<Option<DVector<f64>>> {
+            impacts.iter().map(|impact| impact.residual(model, x)).collect()
+        };
+        weakest(model, &model.region(options.max_friction), &centre(&best.coefficients), &residuals)
     };
     Ok(Comparison {
         set: set.name.clone(),

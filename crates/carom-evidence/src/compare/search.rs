@@ -1,4 +1,4 @@
-//! The search for the parameters of a model on tosses and landings.
+//! The search for the parameters of a model on tosses.
 //!
 //! | symbol | size | meaning |
 //! | --- | --- | --- |
@@ -14,8 +14,6 @@
 //! further, one parameter after another is moved; a move grows after a success, turns and shrinks after a failure
 //! (R. Hooke, T. A. Jeeves 1961; H. H. Rosenbrock 1960).
 
-use super::candidates::{Candidate, Effect};
-use super::comparison::{CompareOptions, Judged};
 use super::identify::JUMP;
 use carom_study::fit::{Region, median};
 use nalgebra::{DMatrix, DVector};
@@ -60,28 +58,6 @@ pub(super) fn descend(
         search.move_each();
     }
     Some(Trial { errors: squares(&search.best.residuals), x: search.best.x })
-}
-
-/// A model with its parameters for each fold, found with the residuals outside it: from the parameters of the simpler model, to which the
-/// last effect is added, or from the grid.
-pub(super) fn fit_folds(
-    candidate: &Candidate,
-    simpler: Option<&Judged>,
-    options: &CompareOptions,
-    outside: &dyn Fn(usize, &[f64]) -> Residuals,
-) -> Vec<Trial> {
-    let region = candidate.region(options.max_friction);
-    let in_fold = |fold: usize| {
-        let begin = match simpler {
-            Some(simpler) => candidate.starts(candidate.nominal(&simpler.candidate, &simpler.coefficients[fold])),
-            None => region.points(),
-        };
-        // the standard deviation of errors is one of a grid; the other parameters keep their optimum
-        let sought = candidate.effects.last() != Some(&Effect::Errors);
-        let budget = if sought { (options.trials + 1).saturating_sub(begin.len()) } else { 0 };
-        descend(&region, begin, budget, &|x| outside(fold, x))
-    };
-    (0..options.folds).filter_map(in_fold).collect()
 }
 
 /// A point, with the residuals and the cost.

@@ -1,13 +1,13 @@
 //! The protocol for tosses: coefficients are fitted to roll-outs from fitted starts, and judged on both parts of the tosses
 //! from both starts.
 
-use super::candidates::{Candidate, Parameter};
+use super::candidates::{Candidate, Effect, Parameter};
 use super::cases::{TossCase, TossCases, TossStart};
-use super::comparison::{CompareOptions, Comparison, Judged, Progress, rows};
+use super::comparison::{CompareOptions, Comparison, Judged, Progress, centre, rows};
 use super::data::{DataSet, too_few};
 use super::identify::{Weakest, weakest};
 use super::scenes::{effects, rule, scene};
-use super::search::{Residuals, Trial, fit_folds};
+use super::search::{Residuals, Trial, descend};
 use super::selection::chosen;
 use super::statistics::{Spread, folds};
 use crate::EvidenceError;
@@ -200,6 +200,7 @@ impl<'a> Work<'a> {
     /// Parameters for each fold, fitted without it, and the errors to which they were fitted. A model with effects starts from
     /// the model without the last one.
     fn fit(&self, candidate: &Candidate, simpler: Option<&Judged>) -> Vec<Trial> {
+        let region = candidate.region(self.options.max_friction);
         let roll = self.roll(candidate);
         let seen: RefCell<Vec<Seen>> = RefCell::default();
         let starts: RefCell<Vec<Starts>> = RefCell::default();
@@ -223,10 +224,21 @@ impl<'a> Work<'a> {
             known.extend(rolled);
             of.iter().map(|k| known[k].clone()).collect()
         };
-        fit_folds(candidate, simpler, self.options, &|fold, x| {
+        let in_fold = |fold: usize| {
             let outside: Vec<usize> = self.fitted.iter().copied().filter(|k| self.fold_of[*k] != fold).collect();
-            residuals(x, &outside)
-        })
+            let begin = match simpler {
+                Some(simpler) => {
+                    let x = candidate.nominal(&simpler.candidate, &simpler.coefficients[fold]);
+                    candidate.starts(x)
+                }
+                None => region.points(),
+            };
+            // the standard deviation of errors is one of a grid; the other parameters keep their optimum
+            let sought = candidate.effects.last() != Some(&Effect::Errors);
+            let budget = if sought { (self.options.trials + 1).saturating_sub(begin.len()) } else { 0 };
+            descend(&region, begin, budget, &|x| residuals(x, &outside))
+        };
+        (0..self.options.folds).filter_map(in_fold).collect()
     }
 
     /// The errors of all tosses by the parameters that were fitted without their fold: early and whole from the fitted start,
@@ -281,7 +293,7 @@ impl<'a> Work<'a> {
             };
             self.fitted.par_iter().zip(&launches).map(one).collect()
         };
-        weakest(best, self.options.max_friction, &residuals)
+        weakest(model, &model.region(self.options.max_friction), &centre(&best.coefficients), &residuals)
     }
 
     /// The error of a law against itself: from a start drawn from the estimate instead of the estimate, and from the given

@@ -10,10 +10,10 @@ mod log;
 mod tests;
 
 use super::candidates::{Candidate, Effect};
-use super::comparison::{CompareOptions, Comparison, Judged, Progress, best, rows};
+use super::comparison::{CompareOptions, Comparison, Judged, Progress, best, centre, rows};
 use super::data::{DataSet, too_few};
 use super::identify::weakest;
-use super::search::{Residuals, fit_folds};
+use super::search::{Residuals, descend};
 use super::selection::chosen;
 use super::statistics::folds;
 use crate::EvidenceError;
@@ -103,8 +103,11 @@ pub(super) fn compare(
     let residuals = |model: &Candidate, x: &[f64]| -> Residuals {
         landings.errors(model, x, options.tolerance).iter().map(residual).collect()
     };
-    let weakest =
-        best(&judged[0]).and_then(|best| weakest(best, options.max_friction, &|x| residuals(&best.candidate, x)));
+    let weakest = best(&judged[0]).and_then(|best| {
+        let model = &best.candidate;
+        let region = model.region(options.max_friction);
+        weakest(model, &region, &centre(&best.coefficients), &|x| residuals(model, x))
+    });
     let comparison = |(window, judged): (usize, Vec<Judged>)| {
         let jumps = landings.landings.iter().map(|landing| landing.jump(window)).sum::<f64>();
         Comparison {
@@ -137,6 +140,7 @@ fn judge(
     fold_of: &[usize],
     options: &CompareOptions,
 ) -> [Judged; WINDOWS.len()] {
+    let region = model.region(options.max_friction);
     // Folds share the runs at the same point.
     let seen: RefCell<Vec<(Vec<f64>, Errors)>> = RefCell::default();
     let errors = |x: &[f64]| -> Errors {
@@ -147,11 +151,20 @@ fn judge(
         seen.borrow_mut().push((x.to_vec(), errors.clone()));
         errors
     };
-    let trials = fit_folds(model, simpler, options, &|fold, x| {
-        errors(x).iter().zip(fold_of).filter(|(_, of)| **of != fold).map(|(errors, _)| residual(errors)).collect()
-    });
+    let in_fold = |fold: usize| {
+        let outside = |x: &[f64]| -> Residuals {
+            errors(x).iter().zip(fold_of).filter(|(_, of)| **of != fold).map(|(errors, _)| residual(errors)).collect()
+        };
+        let begin = match simpler {
+            Some(simpler) => model.starts(model.nominal(&simpler.candidate, &simpler.coefficients[fold])),
+            None => region.points(),
+        };
+        let budget = (options.trials + 1).saturating_sub(begin.len());
+        descend(&region, begin, budget, &outside)
+    };
+    let trials = (0..options.folds).filter_map(in_fold);
     let (coefficients, training): (Vec<Vec<f64>>, Vec<Vec<f64>>) =
-        trials.into_iter().map(|trial| (trial.x, trial.errors.iter().map(|square| square.sqrt()).collect())).unzip();
+        trials.map(|trial| (trial.x, trial.errors.iter().map(|square| square.sqrt()).collect())).unzip();
     let by_fold: Vec<Errors> = coefficients.iter().map(|x| errors(x)).collect();
     std::array::from_fn(|window| {
         let of = |(k, &fold): (usize, &usize)| {
