@@ -116,8 +116,8 @@ fn points_and_contact_inertias_are_those_of_the_robot_alone_at_its_place() {
 #[test]
 fn joints_are_named_by_robot_and_followers_follow_their_own_robot() {
     let joined = cell().joined;
-    let Coordinates::Follows { joint, .. } = &joined.joint("grip/follow").unwrap().coordinates else { panic!() };
-    assert_eq!(joint, "grip/open");
+    let Coordinates::Follows { joint, .. } = &joined.joint("grip/jfinger2").unwrap().coordinates else { panic!() };
+    assert_eq!(joint, "grip/jfinger1");
     assert_eq!(joined.joint("ball/root_joint").unwrap().parent, "world");
     assert_eq!(joined.joint("flat/shoulder").unwrap().parent, "flat/base");
     // Locking a joint of one robot renumbers the robots behind it.

@@ -293,7 +293,7 @@ fn laws_are_compared_on_own_impacts() {
     desk.write("data/odd.csv", impacts(20));
     let rule = "they belong to your own impacts, and none of the data are: give JSON lines (.jsonl), or a CSV table with the columns \
                 q.<joint>, qd_minus.<joint>, qd_plus.<joint>";
-    desk.refused(&format!("compare data {AT}"), &format!("--robot, --tip: {rule}"));
+    desk.refused(&format!("compare data {AT}"), &format!("--robot, --tip, --normal: {rule}"));
     let tosses = "they are about tosses, and none of the data are: leave them out";
     desk.refused(
         &format!("compare own.jsonl {AT} --horizon whole --length 0.1"),

@@ -2,7 +2,7 @@
 //! interruptions.
 
 use crate::command_line::desk::{Desk, Ran, refused};
-use carom_study::RowFile;
+use carom_study::{NumberedRows, RowFile};
 use carom_study::map_study::Study;
 use carom_testing::files::page;
 use serde_json::json;

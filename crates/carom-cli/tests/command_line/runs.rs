@@ -172,7 +172,8 @@ fn disturbances_that_runs_cannot_have_are_refused() {
         "simulate s.toml --runs 2",
         "s.toml: --runs: [run] perturb.numbers: run.sample: the runs have no samples: remove it",
     );
-    desk.write("s.toml", format!("{SCENE}max_events = 1\nperturb = {{ q = 0.01 }}\n"));
+    let falls = SCENE.replace("[0.7, 0, 0], normal = [-1, 0, 0]", "[0, -0.5, 0], normal = [0, 1, 0]");
+    desk.write("s.toml", format!("{falls}max_events = 1\nperturb = {{ q = 0.01 }}\n"));
     desk.refused(
         "simulate s.toml --runs 2 --covariance",
         "s.toml: --covariance: the runs end at an event, and the derivatives are those of the state at a fixed time: remove max_events",
