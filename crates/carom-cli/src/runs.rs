@@ -42,7 +42,12 @@ pub fn run((file, scene, plan): (&Path, &Scene, &Plan), asked: &Asked, out: &mut
         other => CliError::scene(file, other),
     };
     let ensemble = Ensemble::new(scene, plan, runs).map_err(refuse)?;
-    let no_covariance = |e: SimError| CliError::Input(format!("{}: --covariance: {e}", file.display()));
+    let no_covariance = |e: SimError| match e {
+        SimError::Scene { file: unnamed, rule } if unnamed.is_empty() => {
+            CliError::Input(format!("{}: --covariance: {rule}", file.display()))
+        }
+        e => CliError::Input(format!("{}: --covariance: {e}", file.display())),
+    };
     if covariance {
         ensemble.check_covariance().map_err(no_covariance)?;
     }

@@ -2,8 +2,8 @@
 //! interruptions.
 
 use crate::command_line::desk::{Desk, Ran, refused};
-use carom_study::{NumberedRows, RowFile};
 use carom_study::map_study::Study;
+use carom_study::{NumberedRows, RowFile};
 use carom_testing::files::page;
 use serde_json::json;
 use std::path::PathBuf;

@@ -60,7 +60,8 @@ fn a_link_names_its_contacts_on_both_sides() {
 fn each_law_of_several_contacts_gives_its_cradle_velocities() {
     let (third, alike) = (1.0 / 3.0, [1.0; 4]);
     let energetic = SeveralLaw::Energetic { exponent: 1.5 };
-    let cases: [(f64, SeveralLaw, &[f64], &[f64], f64); 4] = [
+    type Case<'v> = (f64, SeveralLaw, &'v [f64], &'v [f64], f64);
+    let cases: [Case; 4] = [
         (0.5, SeveralLaw::Moreau, &alike[..2], &[0.0, 0.5, 0.5], 1e-11),
         (1.0, SeveralLaw::Poisson, &alike[..2], &[-third, 2.0 * third, 2.0 * third], 1e-11),
         (1.0, SeveralLaw::Sequential, &alike, &[0.0, 0.0, 0.0, 0.0, 1.0], 1e-11),

@@ -27,7 +27,7 @@ pub fn robot(rng: &mut Rng, joints: &[(&'static str, V)]) -> (Chain, f64) {
             Some(before) => (format!("l{before}"), vector(rng).into()),
         };
         lever += V::from(at).norm();
-        parts.push(Part::new(&format!("l{k}"), &parent, *kind, (*axis).into(), at).random(rng, 1.0));
+        parts.push(Part::new(&format!("l{k}"), &parent, kind, (*axis).into(), at).random(rng, 1.0));
     }
     (chain(&parts), lever)
 }
