@@ -494,7 +494,7 @@ def test_messages_about_dicts_name_keys_and_no_lines():
         with pytest.raises(carom.SimulationError, match=message) as refused:
             carom.Scene.from_dict(wrong, folder=ROOT / "scenes")
         assert "line" not in str(refused.value).replace("mass-spring", "")
-    with pytest.raises(carom.StudyError, match="<dict>: joints.elbow: unknown field"):
+    with pytest.raises(carom.StudyError, match="<dict>: joints.elbow.form: unknown field"):
         carom.Study.from_dict({"robot": {"urdf": "x"}, "joints": {"elbow": {"form": 1}}})
     # A text has lines.
     with pytest.raises(carom.SimulationError, match="<scene>: line 2"):
