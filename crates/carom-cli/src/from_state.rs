@@ -41,10 +41,9 @@ pub fn apply(path: &Path, scene: &mut Scene) -> Result<(), CliError> {
         ))
     };
     let keys: BTreeMap<String, IgnoredAny> = serde_json::from_str(text).map_err(unread)?;
-    let is_answer = keys.contains_key("final");
     let chain = &scene.simulation.chain;
     let (mut q, mut qd) = (scene.q.clone(), scene.qd.clone());
-    let time = match is_answer {
+    let time = match keys.contains_key("final") {
         false => {
             let state: State = serde_json::from_str(text).map_err(unread)?;
             (q, qd) = (state.q, state.qd);

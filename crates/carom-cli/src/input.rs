@@ -7,7 +7,7 @@ use carom_chain::urdf::{JointType, LoadOptions, Meshes};
 use carom_chain::{Chain, Coordinates, FrameId, JointInfo};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::parser::ValueSource;
-use clap::{ArgMatches, Args, Id};
+use clap::{Arg, ArgMatches, Args, Command};
 use serde::{Deserialize, de::DeserializeOwned};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -63,20 +63,18 @@ pub struct LoadArgs {
 pub struct Given(Vec<String>);
 
 impl Given {
-    pub fn of(matches: &ArgMatches) -> Self {
-        let Some((_, own)) = matches.subcommand() else { return Self(Vec::new()) };
-        let is_given = |id: &&Id| own.value_source(id.as_str()) == Some(ValueSource::CommandLine);
-        Self(own.ids().filter(is_given).map(|id| id.as_str().replace('_', "-")).collect())
+    pub fn of(command: &Command, matches: &ArgMatches) -> Self {
+        let Some((name, own)) = matches.subcommand() else { return Self(Vec::new()) };
+        let is_given = |arg: &&Arg| own.value_source(arg.get_id().as_str()) == Some(ValueSource::CommandLine);
+        let options = command.find_subcommand(name).into_iter().flat_map(Command::get_arguments);
+        Self(options.filter(is_given).filter_map(|arg| arg.get_long().map(str::to_owned)).collect())
     }
 
     /// Refuses those of these options that are given, for this reason.
     pub fn refuse(&self, options: &[&str], why: &str) -> Result<(), CliError> {
-        let found: Vec<String> = options.iter().filter(|it| self.has(it)).map(|it| format!("--{it}")).collect();
+        let is_given = |option: &&&str| self.0.iter().any(|own| own == **option);
+        let found: Vec<String> = options.iter().filter(is_given).map(|it| format!("--{it}")).collect();
         if found.is_empty() { Ok(()) } else { Err(CliError::Input(format!("{}: {why}", found.join(", ")))) }
-    }
-
-    pub fn has(&self, option: &str) -> bool {
-        self.0.iter().any(|own| own == option)
     }
 }
 

@@ -153,7 +153,7 @@ fn command_line() -> clap::Command {
 fn main() -> ExitCode {
     let mut command = command_line();
     let matches = command.get_matches_mut();
-    let given = input::Given::of(&matches);
+    let given = input::Given::of(&command, &matches);
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.format(&mut command).exit());
     output::QUIET.store(cli.quiet, Ordering::Relaxed);
     let stdout = &mut output::PlainLines(io::stdout().lock());

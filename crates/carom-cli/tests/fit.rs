@@ -329,6 +329,7 @@ fn data_that_cannot_be_fitted_are_refused() {
         ("--point 0,0,1", "--point"),
         ("--normal 1,0,0 --joints a", "--joints, --normal"),
         ("--rotor-inertia a=1", "--rotor-inertia"),
+        ("--package-dir . --no-meshes", "--no-meshes, --package-dir"),
     ] {
         desk.refused(&format!("fit --velocities jumps.jsonl {options}"), &format!("{named}: {robot}"));
     }

@@ -1,7 +1,7 @@
 //! The convex hull of a mesh.
 //!
 //! The furthest corner along a direction is looked for among leaves, groups of near corners: those whose sphere does not reach as far as a corner
-//! that was found are left out. So it is found among n corners by some 4 √n numbers.
+//! that was found are left out. So of n corners only the n/16 spheres and the corners of few leaves are examined.
 
 use crate::mesh::Mesh;
 use crate::parry;
@@ -26,7 +26,7 @@ struct Leaf {
     corners: Vec<(Vector3<f64>, usize)>,
 }
 
-/// Corners of a leaf at most.
+/// Corners of a leaf at most: of some hundred corners as many as there are spheres, so that neither costs much more than the other.
 const LEAF: usize = 16;
 
 impl Leaf {

@@ -8,9 +8,9 @@ use carom_sim::{
     ContactLaw, ContactMode, ContactRule, Drive, EventKind, ImpactInvariant, Oscillation, RestitutionBySpeed,
     Simulation, Surface, Touch, Transition,
 };
-use carom_testing::build::{self, O, Part, Z, chain};
+use carom_testing::build::{self, O, Part, Y, Z, ball, chain, rooted, shape};
 use carom_testing::files::robot;
-use carom_testing::scenes::{self, DOWN, G, half_space, level, newton, surface, towards_wall};
+use carom_testing::scenes::{self, DOWN, G, half_space, level, newton, scene, surface, towards_wall};
 use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
 
@@ -310,5 +310,35 @@ fn a_joint_with_dry_friction_leaves_its_limit_where_no_admissible_force_holds_it
         let (moved, v) = (run.summary.last.q[0] - q, run.summary.last.qd[0]);
         assert!((moved + sign * 0.25_f64.powi(3)).abs() < 1e-9, "{moved}");
         assert!((v + sign * 3.0 * 0.25_f64.powi(2)).abs() < 1e-9, "{v}");
+    }
+}
+
+/// A light finger, damped 1e6 times as fast as its base falls, bounces with it: after each impact the equations of the first implicit step have no
+/// solution by Newton's method, and shorter steps are taken. A second route: steps of 0.2 ms at most from the start.
+#[test]
+fn a_damped_light_link_bounces_with_its_base() {
+    let base = "<link name=\"palm\"><inertial><mass value=\"0.05\"/><inertia ixx=\"5e-5\" ixy=\"0\" ixz=\"0\" iyy=\"5e-5\" iyz=\"0\" izz=\"5e-5\"/>\
+        </inertial><collision><geometry><sphere radius=\"0.03\"/></geometry></collision></link>";
+    let finger = Part::new("finger", "palm", "revolute", Y, [0.05, 0.0, 0.0])
+        .weighing(6.13446e-4, [6.13446e-7; 3])
+        .com([0.02, 0.0, 0.0])
+        .with(shape(&ball(0.01), [0.05, 0.0, 0.0], O))
+        .limits(-2.0, 2.0, 10.0)
+        .joint("<dynamics damping='3.06883'/>");
+    let text = "[robot]\nurdf = \"hand.urdf\"\nfloating = true\n\
+        q = [0, 0, 0, -0.9212737499, -0.2513464304, 0.2922360254, 0.0517470290, 0.4695340777]\n\
+        [[surface]]\nshape = { halfspace = { point = [0, 0, -0.3], normal = [0, 0, 1] } }\n\
+        [contact]\nrestitution = 0.4\n[run]\nduration = 0.4\ngravity = [0, 0, -9.81]\n";
+    let plan = scene(&[("hand.urdf", &*rooted(base, &[finger]))], text).unwrap().plan().unwrap();
+    let end = |max_step: f64| {
+        let sim = Simulation { max_step, ..plan.simulation.clone() };
+        let run = sim.run(&plan.q, &plan.qd, 0.4).unwrap();
+        assert!(run.summary.energy.error().abs() < 1e-9, "{:?}", run.summary.energy);
+        (run.events.len(), run.summary.last)
+    };
+    let ((events, own), (of_short, short)) = (end(plan.simulation.max_step), end(2e-4));
+    assert_eq!(events, of_short);
+    for (a, b) in own.q.iter().chain(&own.qd).zip(short.q.iter().chain(&short.qd)) {
+        assert!((a - b).abs() < 1e-6, "{a} and {b}: {own:?} {short:?}");
     }
 }

@@ -78,9 +78,8 @@ pub struct Ensemble<'s> {
     columns: Vec<Column>,
     /// The events of run 0.
     events: Vec<Mark>,
-    /// The end of run 0, and whether its number of events ends it.
-    end: Option<Moment>,
-    ends_by_event: bool,
+    /// The end of run 0.
+    end: Option<(Moment, StopReason)>,
     seen: Mutex<Noted>,
 }
 
@@ -236,8 +235,8 @@ impl<'s> Ensemble<'s> {
         let (seen, columns) = (Mutex::default(), columns(scene, plan, given));
         let of_file =
             if numbers.is_empty() { Default::default() } else { scene.with_values(&[]).map(|it| (it.q, it.qd))? };
-        let (events, end, ends_by_event) = (Vec::new(), None, false);
-        let mut own = Self { scene, plan, given, numbers, of_file, runs, columns, events, end, ends_by_event, seen };
+        let (events, end) = (Vec::new(), None);
+        let mut own = Self { scene, plan, given, numbers, of_file, runs, columns, events, end, seen };
         let mut events = Vec::new();
         let first = plan.stream(scene.duration, Sampling::default(), &mut |seen| {
             if let Seen::Event(event) = seen {
@@ -246,10 +245,7 @@ impl<'s> Ensemble<'s> {
                 events.push((kind, names.collect(), joint.map(str::to_owned)));
             }
         });
-        own.events = events;
-        if let Ok(Summary { last, stop, .. }) = first {
-            (own.end, own.ends_by_event) = (Some(last), stop == StopReason::Events);
-        }
+        (own.events, own.end) = (events, first.ok().map(|summary| (summary.last, summary.stop)));
         own.refuse_start_of_file()?;
         Ok(own)
     }
@@ -348,7 +344,7 @@ impl<'s> Ensemble<'s> {
         let numbers = self.given.numbers.iter().map(|it| it.path.clone());
         let by: Vec<String> = ["q", "qd"].map(String::from).into_iter().chain(numbers).collect();
         let unknown = |rule| SimError::Scene { file: String::new(), rule };
-        if self.ends_by_event {
+        if matches!(self.end, Some((_, StopReason::Events))) {
             let rule = "the runs end at an event, and the derivatives are those of the state at a fixed time: remove max_events";
             return Err(unknown(rule.into()));
         }
@@ -374,7 +370,7 @@ impl<'s> Ensemble<'s> {
                 seen.impacts.add(run.impacts as f64);
                 run.first_impact.iter().for_each(|time| seen.first_impact.add(*time));
                 seen.lost.add(summary.energy.impacts);
-                if let Some(end) = &self.end
+                if let Some((end, _)) = &self.end
                     && let Ok(moved) = self.plan.simulation.chain.difference(&end.q, &summary.last.q)
                 {
                     let faster = summary.last.qd.iter().zip(&end.qd).map(|(own, of)| own - of);

@@ -98,7 +98,7 @@ impl AtRobot {
             "no-meshes",
             "strict",
             "repair",
-            "package-dirs",
+            "package-dir",
             "rotor-inertia",
         ];
         given.refuse(&options, "they are about a robot, which is missing: give --robot ROBOT.urdf")

@@ -454,8 +454,8 @@ impl Problem {
 
     /// Refuses an orbit of twice the period that is one of the period run twice.
     fn check_double(&self, plan: &Timed, look: &Look) -> Result<(), OrbitError> {
-        let once = Self { passages: self.passages / 2, ..self.clone() };
-        let size = once.look(plan, look.x.clone(), None)?.size;
+        let once = Self { passages: self.passages / 2, ..self.clone() }.period(plan, &look.x)?;
+        let size = difference(&plan.simulation.chain, &look.x, &once.end)?.amax() / look.scale;
         if size <= self.converged() { Err(OrbitError::Apart { distance: size }) } else { Ok(()) }
     }
 
