@@ -31,6 +31,13 @@ impl Plane {
         Vector2::new(self.x.dot(&v), self.y.dot(&v))
     }
 
+    /// As [`Self::project`], but zero where the projection is rounding of the length of the vector. The levers of the planar chain do not
+    /// contain heights, so that there it would count as a lever.
+    fn shadow(&self, v: Vector3<f64>) -> Vector2<f64> {
+        let shadow = self.project(v);
+        if shadow.norm() <= ROUNDING * v.norm() { Vector2::zeros() } else { shadow }
+    }
+
     /// The vector in space, world axes, of a vector in the plane.
     pub fn lift(&self, v: Vector2<f64>) -> Vector3<f64> {
         self.x * v.x + self.y * v.y
@@ -60,7 +67,7 @@ impl PlanarChain {
     /// May panic if the handle belongs to another chain.
     pub fn point(&self, frame: FrameId, offset: Vector3<f64>) -> Point<Planar<f64>> {
         // A frame's planar axes are the plane's while the joints are at zero.
-        self.chain.point(frame, self.plane.project(self.frame_rotations[frame.0] * offset))
+        self.chain.point(frame, self.plane.shadow(self.frame_rotations[frame.0] * offset))
     }
 
     /// The pose in space of a frame whose pose in the plane is `shadow`.

@@ -31,6 +31,26 @@ fn a_blow_on_the_axis_of_a_hinge_is_refused_under_every_law_and_joint_model() {
     }
 }
 
+/// The same along normals in the plane of the motion, in which the chain has no heights that an offset along the axis could be compared with.
+#[test]
+fn a_blow_on_the_axis_of_a_hinge_in_the_plane_of_its_motion_is_refused() {
+    let mut rng = Rng::with_seed(9);
+    for _ in 0..200 {
+        let axis = direction(&mut rng);
+        let (chain, _) = robot(&mut rng, &[("continuous", axis)]);
+        let (q, qd) = ([3.0 * within(&mut rng, -1.0, 1.0)], [1.0]);
+        let frame = chain.frame("l0").unwrap();
+        let mut workspace = chain.workspace();
+        let kin = workspace.update(&chain, &q).unwrap();
+        let [at, ahead] = [V::zeros(), axis].map(|offset| kin.position(chain.point(frame, offset)));
+        let normal = (ahead - at).cross(&direction(&mut rng)).normalize();
+        let point = FramePoint::new(frame, axis * (4.0 * within(&mut rng, -1.0, 1.0)));
+        let law = law_by_name::<3>("newton", Coefficients { restitution: 0.5, friction: 0.3, ..Default::default() });
+        let refusal = chain.impact(&q, &qd).at(point).normal(normal).resolve(&*law.unwrap()).map(|hit| hit.impulse);
+        assert!(matches!(refusal, Err(SimError::SingularNormal { .. })), "{refusal:?}");
+    }
+}
+
 /// The same far from the origin of the joint: offsets of a kilometre cancel, and with them twelve digits of the lever.
 #[test]
 fn a_lever_that_is_rounding_of_lengths_that_cancel_moves_nothing() {
