@@ -7,8 +7,8 @@
 //! error of an event is that of the integration, not that of its interpolation.
 //!
 //! **Short legs.** The method of order 8 evaluates the motion 12 times in a step and 3 times for its dense output, which allows long
-//! steps; where events end legs after few of them, order 5 with 6 evaluations for both is cheaper. A leg after a short one begins with
-//! order 5, and goes on with order 8 after 20 steps. Its dense output is of order 4, so that it serves tolerances from [`EQUAL`] on.
+//! steps; where events end legs before three of them, order 5 with 6 evaluations for both is cheaper. A leg after a short one begins with
+//! order 5, and goes on with order 8 after 10 steps. Its dense output is of order 4, so that it serves tolerances from [`EQUAL`] on.
 
 use super::flow::{Flow, System};
 use super::guard::GuardValue;
@@ -33,7 +33,7 @@ pub(crate) struct LegEnd {
     pub stalled: Option<String>,
     /// The length of the last step, s, if it succeeded.
     pub step: Option<f64>,
-    /// Whether the leg took so few steps that order 5 is better for one like it.
+    /// Whether the leg was so short beside its steps that order 5 is better for one like it.
     pub short: bool,
 }
 
@@ -56,7 +56,7 @@ pub(crate) struct Accuracy {
 
 /// How an integration ended.
 struct Ended {
-    /// Whether the method of order 5 has stopped before the end, after 20 steps.
+    /// Whether the method of order 5 has stopped before the end, after 10 steps.
     paused: bool,
     /// The length of the next step, s.
     step: f64,
@@ -77,18 +77,12 @@ pub(crate) fn leg(
     let system = System::new(flow);
     let mut observer = Observer::new(&system, (start, y), now, Some(sampler));
     let mut accuracy = accuracy;
-    let steps = statistics.steps;
     let mut ended = integrate(&system, start, y, end, accuracy, statistics, &mut observer);
-    let short = match ended {
-        Ok(Ended { paused: true, step }) => {
-            accuracy = Accuracy { short: false, first_step: Some(step), ..accuracy };
-            let (start, y) = (observer.reached, observer.y_before.clone());
-            ended = integrate(&system, start, &y, end, accuracy, statistics, &mut observer);
-            false
-        }
-        // Order 8 takes a third of the steps of order 5.
-        _ => accuracy.tolerance >= EQUAL && (accuracy.short || statistics.steps <= steps + STEPS / 9),
-    };
+    if let Ok(Ended { paused: true, step }) = ended {
+        accuracy = Accuracy { short: false, first_step: Some(step), ..accuracy };
+        let (start, y) = (observer.reached, observer.y_before.clone());
+        ended = integrate(&system, start, &y, end, accuracy, statistics, &mut observer);
+    }
     let left = end - observer.reached;
     let (stalled, step) = match ended {
         // The integrators refuse steps shorter than the rounding of the time. A rest of this length is zero.
@@ -98,6 +92,8 @@ pub(crate) fn leg(
     };
     let Observer { found, y_before, reached, longest, .. } = observer;
     statistics.longest_step = statistics.longest_step.max(longest);
+    let length = found.as_ref().map_or(reached, |found| found.time) - start;
+    let short = accuracy.tolerance >= EQUAL && (accuracy.short || length <= 3.0 * longest);
     let time = if stalled.is_some() { reached } else { end };
     match found {
         None => Ok(LegEnd { time, y: y_before, fired: None, stalled, step, short }),
@@ -210,7 +206,7 @@ fn integrate(
                 };
             }
             if accuracy.short {
-                solve!(DOPRI5, if dense { STEPS / 3 } else { max_steps })
+                solve!(DOPRI5, if dense { STEPS / 6 } else { max_steps })
             } else {
                 solve!(DOP853, max_steps)
             }
