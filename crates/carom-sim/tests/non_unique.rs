@@ -1,8 +1,9 @@
 //! Motions that the laws leave open are flagged, those that are unique are not.
 
+use crate::census::{LIMIT, energy, random};
 use carom_chain::Chain;
 use carom_impact::Flags;
-use carom_sim::{ContactState, EventKind, NonUnique, Sampling, Seen, Simulation, Trajectory};
+use carom_sim::{ContactState, EventKind, NonUnique, Sampling, Seen, Simulation, StepReason, Trajectory};
 use carom_testing::build::{O, ball, floating_box, in_plane, shape};
 use carom_testing::scenes::{G, among_planes, newton};
 use nalgebra::{Matrix4, Vector3};
@@ -209,4 +210,14 @@ fn time_steps_are_flagged_by_the_same_criterion() {
         let all = if open { told.len() } else { 0 };
         assert_eq!(flagged(&told), all, "spin {spin}");
     }
+}
+
+/// A scene of two robots in which a contact that slides comes to a jam while its force stays finite: of the equations of its force both sides
+/// vanish. The other contacts leave it open from there on, and the energies are those of a motion without jumps.
+#[test]
+fn a_contact_that_jams_opens_where_the_others_leave_it_open() {
+    let case = random::scene(96).as_is();
+    let answer = energy::balanced("a jam", &case, None, LIMIT).unwrap_or_else(|verdict| panic!("{}", verdict.note));
+    assert!(!answer.reasons.contains(&StepReason::NoMode), "{:?}", answer.reasons);
+    assert_eq!(answer.statistics().contact_steps, 0);
 }

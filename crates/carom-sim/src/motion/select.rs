@@ -18,7 +18,7 @@ use super::active_set::{Dry, Hold, Lasting};
 use super::assembled::Assembled;
 use super::equations::Equations;
 use super::held::Detail;
-use super::rows::{direction_of_slip, push};
+use super::rows::{Constraints, direction_of_slip, push};
 use super::scale::{SLOWEST, Scale};
 use super::smooth::Motion;
 use crate::error::SimError;
@@ -101,6 +101,32 @@ impl<A: Space> Motion<'_, A> {
         let (found, solution) = ahead.unwrap_or((found, now));
         self.take(&entries, &found, &solution);
         Ok(true)
+    }
+
+    /// Where the present mode jams: drops a contact that slides, if the others leave it open now or a short time ahead. `false`, and nothing has
+    /// changed, if there is none.
+    pub fn let_open(&mut self, time: f64, y: &[f64]) -> Result<bool, SimError> {
+        let entries = self.active.lasting.clone();
+        let nv = self.sim.chain.nv();
+        let (mut all, mut found) = (Assembled::new(nv), Assembled::new(nv));
+        let Some(now) = self.complementarity((time, y), &entries, &mut all, None)? else { return Ok(false) };
+        for (time, y) in [(time, y.to_vec()), self.state_ahead((time, y), &now)?] {
+            self.assemble((time, &y), &entries, Detail::ROWS, &mut all)?;
+            let Constraints { contacts, rows, drifts, .. } = &all.constraints;
+            let slides = |own: &Lasting| matches!(own.hold, Hold::Slides { .. } | Hold::Starts { .. });
+            for contact in contacts.iter().filter(|contact| slides(&contact.own) && !contact.rows.is_empty()) {
+                let others: Vec<Lasting> =
+                    entries.iter().filter(|own| own.touch != contact.own.touch).copied().collect();
+                let Some(solution) = self.complementarity((time, &y), &others, &mut found, None)? else { continue };
+                let normal = contact.rows.end - 1;
+                let opening = rows.dot(normal, solution.qdd.as_slice()) + drifts[normal];
+                if opening >= -EQUAL * solution.scale[0].max(all.largest()) {
+                    self.take(&others, &found, &solution);
+                    return Ok(true);
+                }
+            }
+        }
+        Ok(false)
     }
 
     /// Positive while the present mode has admissible forces: whether the complementarity problem keeps all its contacts closed,
@@ -207,6 +233,13 @@ impl<A: Space> Motion<'_, A> {
         entries: &[Lasting],
         now: &Solution,
     ) -> Result<Option<(Assembled, Solution)>, SimError> {
+        let (time, there) = self.state_ahead((time, y), now)?;
+        let mut found = Assembled::new(self.sim.chain.nv());
+        Ok(self.complementarity((time, &there), entries, &mut found, None)?.map(|solution| (found, solution)))
+    }
+
+    /// Time and state a short time ahead, along the motion of a solution.
+    fn state_ahead(&self, (time, y): (f64, &[f64]), now: &Solution) -> Result<(f64, Vec<f64>), SimError> {
         let (q, qd) = self.split(y);
         let nv = qd.len();
         let Scale { length, pace, .. } = self.scale;
@@ -214,14 +247,12 @@ impl<A: Space> Motion<'_, A> {
         let turn = (self.scale.fastest(now.qdd.iter()) / length).sqrt();
         let shake = self.moving.iter().fold(0.0, |m: f64, it| m.max(it.frequency()));
         let step = CLEAR / rate.max(turn).max(shake).max(SLOWEST * pace);
-        let next = self.sim.chain.integrate(q, qd, step)?;
         let mut there = y.to_vec();
-        there[..q.len()].copy_from_slice(&next);
+        there[..q.len()].copy_from_slice(&self.sim.chain.integrate(q, qd, step)?);
         for (v, a) in there[q.len()..q.len() + nv].iter_mut().zip(now.qdd.iter()) {
             *v += a * step;
         }
-        let mut found = Assembled::new(nv);
-        Ok(self.complementarity((time + step, &there), entries, &mut found, None)?.map(|solution| (found, solution)))
+        Ok((time + step, there))
     }
 
     /// Stores the modes of a solution.

@@ -80,7 +80,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             return Ok(Ending::Passed);
         }
         self.measure();
-        let start = self.time;
+        let (start, lasting) = (self.time, self.motion.active.lasting.clone());
         let mut flow = match Guarded::new(&mut self.motion, (self.time, kink), &self.y) {
             Err(SimError::Jam { .. }) => return Ok(Ending::Stuck(StepReason::NoMode)),
             flow => flow?,
@@ -94,13 +94,17 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let (mut next, mut turn) = (implicit.map(|span| GROWTH * span), 0);
         let LegEnd { time, y, fired, stalled, step, short } = loop {
             match leg(&mut flow, self.time, &self.y, until, accuracy, &mut self.history.statistics, &mut self.sampler) {
-                Err(SimError::Chain(_)) if accuracy.first_step.is_some() => accuracy.first_step = None,
+                Err(SimError::Chain(_)) if accuracy.first_step.is_some() => {
+                    accuracy.first_step = None;
+                    flow.restart(&lasting, (self.time, &self.y))?;
+                }
                 Err(SimError::Jam { time: jam, .. }) => {
                     let earlier = self.time + (0.125 * (until - self.time)).min(0.5 * (jam - self.time));
                     if until - self.time <= EQUAL / pace || is_reached(earlier, self.time, pace) {
                         return Ok(Ending::Stuck(StepReason::NoMode));
                     }
                     until = earlier;
+                    flow.restart(&lasting, (self.time, &self.y))?;
                 }
                 Ok(LegEnd { time, y, stalled: Some(_), .. }) if patient(accuracy.patience) => {
                     let moved = time > self.time;

@@ -55,6 +55,14 @@ impl<'m, 'a, A: Space> Guarded<'m, 'a, A> {
         Ok(Self { motion, guards, latest: kink.next_down(), known, touching })
     }
 
+    /// Before another attempt from this state: the directions of slip there, which an attempt has changed with each of its steps; of a slip
+    /// that is none, the one of before.
+    pub fn restart(&mut self, lasting: &[Lasting], (time, y): (f64, &[f64])) -> Result<(), SimError> {
+        self.motion.active.lasting.copy_from_slice(lasting);
+        self.known = None;
+        self.motion.follow_slip(time, y)
+    }
+
     /// Computes the accelerations at a state, unless they are known; `on_joints`: with the forces on joints that are locked.
     fn know(&mut self, (time, y): (f64, &[f64]), on_joints: bool) -> Result<(), SimError> {
         let same = |known: &Known| known.time == time && known.y == y && (known.on_joints || !on_joints);
