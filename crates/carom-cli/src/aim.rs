@@ -105,7 +105,9 @@ impl AimCommand {
     fn refuse(&self, error: AimError) -> CliError {
         match error {
             AimError::Run(error) => CliError::scene(&self.problem, error),
-            AimError::File { .. } => CliError::Input(error.to_string()),
+            AimError::File { ref file, .. } if *file == self.problem.display().to_string() => {
+                CliError::Input(error.to_string())
+            }
             other => CliError::Input(format!("{}: {other}", self.problem.display())),
         }
     }

@@ -74,11 +74,10 @@ impl TossesCommand {
         let Self { restitution, friction, .. } = self;
         check_coefficients(restitution, friction)?;
         let tangential_restitution = tangential(&self.law, self.tangential_restitution)?;
-        for (option, x) in
-            [("--tolerance", self.tolerance), ("--contact-step", self.contact_step), ("--length", self.length)]
-        {
+        for (option, x) in [("--contact-step", self.contact_step), ("--length", self.length)] {
             within(option, x, f64::MIN_POSITIVE..=f64::MAX, "it must be positive and finite")?;
         }
+        within("--tolerance", self.tolerance, f64::EPSILON..=0.1, "it must be from 2.3e-16 to 0.1")?;
         let refuse = |e: TossError| CliError::Input(e.to_string());
         let options = self.load.options(true)?;
         let tosses = Tosses::read(&self.folder, self.robot.as_deref(), &options).map_err(refuse)?;

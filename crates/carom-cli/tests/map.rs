@@ -83,12 +83,24 @@ fn invalid_studies_are_refused_with_file_key_value_and_rule() {
         ("speed = 0.2", "speed = -0.2", "[impact] speed = -0.2: the speed must be above 0".into()),
         ("restitution = 0.35", "restitution = [0.2, 1.35]", "[impact] restitution = 1.35: a coefficient of restitution lies between 0 and 1".into()),
         ("friction = 0.2", "friction = -0.2", "[impact] friction = -0.2: a coefficient of friction is not negative".into()),
-        ("friction = 0.2", "tangential_restitution = 0.2", "[impact] tangential_restitution is used by law = \"chatterjee-ruina\" only: leave it out".into()),
+        ("friction = 0.2", "tangential_restitution = 0.2", "[impact] tangential_restitution is used by none of the laws in law = [\"energetic\"], only by chatterjee-ruina: leave it out, or add one of these laws".into()),
+        ("law = \"energetic\"\nrestitution = 0.35\nfriction = 0.2", "law = \"frictionless\"\nrestitution = 0.35\nfriction = [0, 0.2]", "[impact] friction is used by none of the laws in law = [\"frictionless\"], only by whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith: leave it out, or add one of these laws".into()),
         ("\"energetic\"", "[\"energetic\", \"poison\"]", "[impact] law = \"poison\": did you mean \"poisson\"? Known names: frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith".into()),
         ("\"impulse\"", "\"impulse\", \"impulse\"", "[map] quantities holds \"impulse\" twice".into()),
         ("count = 7", "count = 9223372036854775807", "the map has 2⁶⁴ rows or more: give the axes fewer values".into()),
     ] {
         desk.refuses_study(old, new, &message);
+    }
+    for (wish, told) in [
+        ("class = []", "error: s.toml: [advise] class is empty: give at least one of unreachable, outside-limits, "),
+        (
+            "at_most = { speed = 1 }",
+            "no column of numbers 'speed': add it to quantities, or give it more than one value if it is an axis;",
+        ),
+    ] {
+        desk.study(|text| format!("{text}\n[advise]\nminimise = \"impulse\"\n{wish}\n"));
+        let said = desk.run("map s.toml --out x.csv").err;
+        assert!(said.contains(told), "{said}");
     }
 }
 

@@ -68,11 +68,9 @@ pub trait NumberedRows: Sync {
             return writing.leave(table, done, written);
         }
         table.keep()?;
-        if file.resume {
-            // their rows are in the table now
-            let _ = std::fs::remove_file(file.partial());
-            let _ = std::fs::remove_file(file.note());
-        }
+        // What an interrupted run has left is older than the table now.
+        let _ = std::fs::remove_file(file.partial());
+        let _ = std::fs::remove_file(file.note());
         Ok(Written::Whole)
     }
 

@@ -95,7 +95,7 @@ fn aims_that_are_not_reached_and_wrong_problems_name_file_key_and_rule() {
         ("aim studies/aims/none.toml", "studies/aims/none.toml: cannot be read"),
         ("aim far.toml", "far.toml: not reached after"),
         ("aim typo.toml", "typo.toml: [[unknown]] robot.q[30]: "),
-        ("aim studies/aims/bounce.toml --starts 2", "torque z 1: has no bounds"),
+        ("aim studies/aims/bounce.toml --starts 2", "error: studies/aims/bounce.toml: torque z 1: has no bounds"),
         ("aim studies/aims/racket.toml --out racket.svg", "the ending of the name says what is written"),
         ("aim studies/aims/racket.toml --out studies/aims/racket.toml", "the command reads this file"),
     ] {

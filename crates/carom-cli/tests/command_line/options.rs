@@ -34,7 +34,7 @@ fn options_of_tosses_are_checked_before_the_folder_is_read() {
             "--tangential-restitution 2",
             "--tangential-restitution 2: a coefficient of tangential restitution lies between -1 and 1",
         ),
-        ("--tolerance 0", "--tolerance 0: it must be positive and finite"),
+        ("--tolerance 0", "--tolerance 0: it must be from 2.3e-16 to 0.1"),
         ("--contact-step -0.001", "--contact-step -0.001: it must be positive and finite"),
     ] {
         desk.refused(&format!("tosses nowhere {options}"), message);

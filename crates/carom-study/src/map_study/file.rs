@@ -82,8 +82,7 @@ pub(super) struct Map {
 pub(super) struct Advise {
     pub minimise: Option<String>,
     pub maximise: Option<String>,
-    #[serde(default)]
-    pub class: Vec<String>,
+    pub class: Option<Vec<String>>,
     #[serde(default)]
     pub at_most: BTreeMap<String, f64>,
     #[serde(default)]

@@ -192,11 +192,21 @@ impl Reading<'_> {
         let friction = axis("impact", "friction", "", &impact.friction)?;
         within("impact", &friction, 0.0, f64::MAX, "a coefficient of friction is not negative")?;
         axes.extend([speed, restitution, tangential, friction, laws(&impact.law)?]);
-        let uses = |law: &String| LawInfo::named(law).is_some_and(|law| law.has("tangential_restitution"));
-        if impact.tangential_restitution.is_some() && !impact.law.0.iter().any(uses) {
-            return Err(
-                "[impact] tangential_restitution is used by law = \"chatterjee-ruina\" only: leave it out".into()
-            );
+        let used =
+            |coefficient| impact.law.0.iter().any(|law| LawInfo::named(law).is_some_and(|law| law.has(coefficient)));
+        for (name, given) in [
+            ("tangential_restitution", impact.tangential_restitution.is_some()),
+            ("friction", axes.iter().any(|axis| axis.name == "friction" && axis.varies())),
+            ("restitution", axes.iter().any(|axis| axis.name == "restitution" && axis.varies())),
+        ] {
+            if given && !used(name) {
+                let users = LAW_NAMES.into_iter().filter(|law| LawInfo::named(law).is_some_and(|law| law.has(name)));
+                return Err(format!(
+                    "[impact] {name} is used by none of the laws in law = {:?}, only by {}: leave it out, or add one of these laws",
+                    impact.law.0,
+                    users.collect::<Vec<_>>().join(", ")
+                ));
+            }
         }
 
         let slides = |joint: &JointInfo| joint.kind == JointType::Prismatic;
@@ -418,7 +428,8 @@ fn wish(advise: &Advise, columns: &[Column]) -> Result<Wish, String> {
         let found = columns.iter().position(|c| c.name == name && c.words.is_empty());
         found.ok_or_else(|| {
             format!(
-                "[advise] {key}: the map has no column of numbers '{name}': add it to quantities; {}",
+                "[advise] {key}: the map has no column of numbers '{name}': add it to quantities, or give it more than one value \
+                 if it is an axis; {}",
                 nearest(name, &numbers)
             )
         })
@@ -428,7 +439,10 @@ fn wish(advise: &Advise, columns: &[Column]) -> Result<Wish, String> {
         (None, Some(name)) => (column("maximise", name)?, true),
         _ => return Err("[advise] needs exactly one of minimise and maximise".into()),
     };
-    let classes = advise.class.iter().map(|class| {
+    if advise.class.as_ref().is_some_and(Vec::is_empty) {
+        return Err(format!("[advise] class is empty: give at least one of {}, or leave it out", CLASSES.join(", ")));
+    }
+    let classes = advise.class.iter().flatten().map(|class| {
         let found = CLASSES.iter().position(|known| known == class);
         found.map(|k| k as f64).ok_or_else(|| format!("[advise] class = \"{class}\": {}", nearest(class, &CLASSES)))
     });

@@ -134,6 +134,9 @@ pub fn urdf_of(folder: &Path, robot: Option<&str>) -> Result<PathBuf, TossError>
 }
 
 fn only_urdf(folder: &Path) -> Result<PathBuf, String> {
+    if folder.is_file() {
+        return Err("this is a file: give the folder of tosses.csv and the URDF".into());
+    }
     let entries = std::fs::read_dir(folder).map_err(|e| format!("cannot be read: {e}"))?;
     let mut found: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     found.retain(|path| path.extension().is_some_and(|end| end == "urdf"));
