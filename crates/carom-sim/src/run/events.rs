@@ -160,7 +160,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 // Slips that end together, or where friction jams, turn before the first of them is zero: those below the error have ended.
                 let (before, events) = (self.y.clone(), self.history.events);
                 self.resettle(None, &[], &before)?;
-                if self.history.events == events { self.no_mode(reason) } else { Ok(()) }
+                let goes_on = self.history.events != events || (reason == StepReason::NoMode && self.open_jammed()?);
+                if goes_on { Ok(()) } else { self.no_mode(reason) }
             }
         }
     }

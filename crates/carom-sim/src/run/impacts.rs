@@ -479,13 +479,8 @@ impl<A: Space> Run<'_, '_, A> {
         self.motion.shut(&candidates?, self.time, &mut self.y)
     }
 
-    /// The motion has no consistent mode, or jams in it: a contact opens, an impact without collision, or time steps.
+    /// The motion has no consistent mode: an impact without collision, or time steps.
     pub fn no_mode(&mut self, reason: StepReason) -> Result<(), SimError> {
-        let (old, before) = (self.motion.active.lasting.clone(), self.y.clone());
-        if reason == StepReason::NoMode && self.motion.let_open(self.time, &self.y)? {
-            self.note_changes(&old, &before);
-            return self.rest();
-        }
         let gaps = self.gaps()?;
         let motion = &self.motion;
         let rigid = |k: &usize| motion.sim.touches[*k].contact.compliance.is_none();

@@ -42,7 +42,24 @@ impl<A: Space> Run<'_, '_, A> {
         if let Some(reason) = self.choose(&touches)? {
             return self.no_mode(reason);
         }
-        self.note_changes(&old, before);
+        self.note_modes((&old, &dry), before);
+        self.rest()
+    }
+
+    /// Drops a contact that jams, where the others leave it open; `false`: none.
+    pub fn open_jammed(&mut self) -> Result<bool, SimError> {
+        let (old, dry) = (self.motion.active.lasting.clone(), self.motion.active.dry.clone());
+        if !self.motion.let_open(self.time, &self.y)? {
+            return Ok(false);
+        }
+        self.note_modes((&old, &dry), &self.y.clone());
+        self.rest()?;
+        Ok(true)
+    }
+
+    /// The events of the contacts and joints whose mode has changed.
+    fn note_modes(&mut self, (old, dry): (&[Lasting], &[DryJoint]), before: &[f64]) {
+        self.note_changes(old, before);
         let sim_start = self.motion.sim.start_time;
         for (k, old) in dry.iter().enumerate() {
             let holds = |joint: &DryJoint| joint.state == Dry::Holds;
@@ -50,7 +67,6 @@ impl<A: Space> Run<'_, '_, A> {
                 self.note_joint(k, before);
             }
         }
-        self.rest()
     }
 
     /// Sets the modes of these rigid touches, beside the compliant contacts, and projects the state onto them; or the reason why
