@@ -212,12 +212,12 @@ fn time_steps_are_flagged_by_the_same_criterion() {
     }
 }
 
-/// A scene of two robots in which a contact that slides comes to a jam while its force stays finite: of the equations of its force both sides
-/// vanish. The other contacts leave it open from there on, and the energies are those of a motion without jumps.
+/// A robot whose sliding contacts come near a jam: without time steps, and with energies that balance.
 #[test]
-fn a_contact_that_jams_opens_where_the_others_leave_it_open() {
+fn slips_near_a_jam_need_no_time_steps() {
     let case = random::scene(96).as_is();
-    let answer = energy::balanced("a jam", &case, None, LIMIT).unwrap_or_else(|verdict| panic!("{}", verdict.note));
+    let answer =
+        energy::balanced("near a jam", &case, None, LIMIT).unwrap_or_else(|verdict| panic!("{}", verdict.note));
     assert!(!answer.reasons.contains(&StepReason::NoMode), "{:?}", answer.reasons);
     assert_eq!(answer.statistics().contact_steps, 0);
 }
