@@ -319,6 +319,7 @@ mod tests {
     use carom_chain::{Chain, Spatial};
     use carom_contact::Obstacle;
     use carom_impact::Newton;
+    use carom_testing::build::{O, ball, in_plane, shape};
 
     /// A box on its four corners begins to slide down a slope: its corners stay closed under forces that push, and no more is asked of
     /// contacts whose slip begins. On a slope that friction holds they stick, and in a mode that lets nothing slide the slope is too steep.
@@ -349,6 +350,31 @@ mod tests {
             assert!(motion.margin(0.0, &y).unwrap() > 0.0, "{steep}");
             motion.active.lasting.iter_mut().for_each(|own| own.hold = Hold::Sticks);
             assert_eq!(motion.margin(0.0, &y).unwrap() > 0.0, !slides, "{steep}");
+        }
+    }
+
+    /// Painlevé's rod, 1 m long, slides on its lower end: without the force of the floor this end accelerates by ω² l sin φ − g. Whether the
+    /// force jams, with K = 1 + 3 cos² φ − 3 μ sin φ cos φ < 0, or not: the contact may be left where this is positive, and only there.
+    #[test]
+    fn a_contact_is_left_where_the_others_leave_it_open() {
+        let (l, phi) = (0.5, 2.0_f64.atan());
+        let (sin, cos) = phi.sin_cos();
+        let q = [0.0, l * sin + 1e-9, phi];
+        let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+        for (friction, spin) in [(2.0, 8.0), (0.5, 0.0), (0.5, 8.0), (2.0, 0.0)] {
+            let chain = in_plane(1.0, 1.0 / 12.0, &shape(&ball(1e-9), [0.5, 0.0, 0.0], O));
+            let contact = ContactRule::new(Newton { restitution: 0.0, friction });
+            let floor = Surface { name: "floor".into(), obstacle: floor.clone(), contact, motion: None };
+            let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
+            let sim = Simulation { gravity: -9.81 * Vector3::z(), ..Simulation::new(chain, touches) };
+            let y = [&q[..], &[3.0 + spin * l * sin, spin * l * cos, spin], &[0.0; 2]].concat();
+            let mut motion = Motion::<Spatial<f64>>::new(&sim, &sim.chain);
+            motion.measure(0.0, &y);
+            let slides = vec![Lasting { touch: 0, hold: Hold::Slides { toward: Vector3::x() } }];
+            motion.active.lasting.clone_from(&slides);
+            let opens = spin * spin * l * sin > 9.81;
+            assert_eq!(motion.let_open(0.0, &y).unwrap(), opens, "μ {friction}, ω {spin}");
+            assert_eq!(motion.active.lasting, if opens { Vec::new() } else { slides }, "μ {friction}, ω {spin}");
         }
     }
 }

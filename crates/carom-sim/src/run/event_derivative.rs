@@ -153,8 +153,12 @@ impl<'a, 'w, A: Space> Follow<'a, 'w, A> {
         // others: beside them the constraints and the modes of the motion need not hold.
         let (basis, coordinates) = match &closed {
             Some(_) => (tangent, inverse.clone()),
-            None => directions(each.columns().map_or(tangent, |s| {
+            None => directions(each.columns().map_or(tangent, |mut s| {
                 let first = s.ncols() - parameters;
+                // By the size of a parameter, not by its unit: differences along a short column would be rounding.
+                for (mut column, changed) in s.columns_mut(first, parameters).column_iter_mut().zip(&self.changed) {
+                    column *= changed.parameter.scale();
+                }
                 let own: Vec<usize> =
                     (0..s.ncols()).filter(|&j| j < first || !together.contains(&(j - first))).collect();
                 s.select_columns(&own)

@@ -14,7 +14,7 @@ use crate::problem_file;
 use carom_chain::algebra::Algebra;
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
 use carom_chain::{Chain, ChainError, Coordinates, FrameId, FramePoint, JointInfo, Point, ToolMotion, input};
-use carom_impact::{AnyLaw, Coefficients, LAW_NAMES, LawInfo};
+use carom_impact::{AnyLaw, Coefficients, LAW_NAMES, LAWS, LawInfo};
 use carom_sim::keys::Table;
 use nalgebra::{SMatrix, SVector, Vector3};
 use std::path::Path;
@@ -192,19 +192,17 @@ impl Reading<'_> {
         let friction = axis("impact", "friction", "", &impact.friction)?;
         within("impact", &friction, 0.0, f64::MAX, "a coefficient of friction is not negative")?;
         axes.extend([speed, restitution, tangential, friction, laws(&impact.law)?]);
-        let used =
-            |coefficient| impact.law.0.iter().any(|law| LawInfo::named(law).is_some_and(|law| law.has(coefficient)));
-        for (name, given) in [
-            ("tangential_restitution", impact.tangential_restitution.is_some()),
-            ("friction", axes.iter().any(|axis| axis.name == "friction" && axis.varies())),
-            ("restitution", axes.iter().any(|axis| axis.name == "restitution" && axis.varies())),
-        ] {
-            if given && !used(name) {
-                let users = LAW_NAMES.into_iter().filter(|law| LawInfo::named(law).is_some_and(|law| law.has(name)));
+        let varies = |name: &str| axes.iter().any(|axis| axis.name == name && axis.varies());
+        for (name, given) in
+            [("tangential_restitution", impact.tangential_restitution.is_some()), ("friction", varies("friction"))]
+        {
+            let users: Vec<&str> = LAWS.iter().filter(|law| law.has(name)).map(|law| law.name).collect();
+            let uses = |law: &String| LawInfo::named(law).is_some_and(|law| users.contains(&law.name));
+            if given && !impact.law.0.iter().any(uses) {
                 return Err(format!(
                     "[impact] {name} is used by none of the laws in law = {:?}, only by {}: leave it out, or add one of these laws",
                     impact.law.0,
-                    users.collect::<Vec<_>>().join(", ")
+                    users.join(", ")
                 ));
             }
         }
