@@ -2,7 +2,8 @@
 
 use carom_chain::Chain;
 use carom_contact::Obstacle;
-use carom_sim::{EventKind, Simulation};
+use carom_impact::ChatterjeeRuina;
+use carom_sim::{ContactRule, EventKind, Simulation};
 use carom_testing::build::{O, Part, X, Y, Z, along, ball, chain, floating_box, in_plane, shape};
 use carom_testing::scenes::{G, among, half_space, newton, on_floor, rule, surface};
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -137,6 +138,34 @@ fn a_jammed_rod_has_an_impact_without_collision() {
         assert!(run.summary.energy.end < run.summary.energy.start + 1e-9);
     }
     assert_eq!(jammed, 1);
+}
+
+/// The same jam under laws that do not stop it at once. The law without friction has no impulse there: Coulomb's friction along the impulse
+/// (Routh) takes its place. Chatterjee and Ruina's law with a negative tangential restitution leaves a share of the slip, and jams again until
+/// none is left. In both the impulses add up to the one that stops the slip.
+#[test]
+fn a_jam_that_the_law_does_not_end_ends_by_coulombs_friction() {
+    let shapes = [-0.5, 0.5].map(|x| shape(&ball(1e-9), [x, 0.0, 0.0], O)).concat();
+    let share: f64 = 0.66;
+    let returning = ChatterjeeRuina { restitution: 0.0, tangential_restitution: -share, friction: 1.5 };
+    let theta = 60_f64.to_radians();
+    for (contact, once) in [(rule("frictionless", 0.0, 1.5), true), (ContactRule::new(returning), false)] {
+        let floor = surface("floor", slope(0.0), contact);
+        let sim = Simulation { tolerance: 1e-11, ..among(in_plane(1.0, 1.0 / 12.0, &shapes), &[floor]) };
+        let run = sim.run(&[0.0, 0.5 * theta.sin() + 1e-9, -theta], &[-1.0, 0.0, 0.0], 0.01).unwrap();
+        assert_eq!(run.summary.statistics.contact_steps, 0, "{:?}", run.events);
+        let hits: Vec<_> = run.events.iter().filter(|event| !event.impulses.is_empty()).collect();
+        assert!(hits.iter().all(|event| event.time == 0.0) && (hits.len() == 1) == once, "{}", hits.len());
+        let sum: Vector3<f64> = hits.iter().flat_map(|event| &event.impulses).map(|one| one.impulse).sum();
+        // H⁻¹ (1, 0) of the slip; what is left of it in the end counts as none.
+        let left = if once { 0.0 } else { share.powi(hits.len() as i32) };
+        let stop = Vector3::new(7.0 / 16.0, 0.0, 3.0 * 3.0_f64.sqrt() / 16.0) * (1.0 - left);
+        assert!(left < 1e-6 && (sum - stop).norm() < 1e-8, "{sum:?} for {stop:?} by {}", hits.len());
+        for (first, second) in hits.iter().zip(hits.iter().skip(1)) {
+            let [first, second] = [first, second].map(|event| event.impulses[0].impulse);
+            assert!((second - first * share).norm() < 1e-6 * first.norm(), "{first:?} {second:?}");
+        }
+    }
 }
 
 /// A ball on three sliders that are not at right angles: K = A M⁻¹ Aᵀ with the axes as the columns of A. Its slip begins at an angle to

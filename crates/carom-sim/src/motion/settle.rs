@@ -310,17 +310,20 @@ impl<A: Space> Motion<'_, A> {
 
     /// The direction of slip that has begun follows from it from now on: of the i-th contact, whose guard has fired by the direction of the accelerations
     /// that were computed last, and of those whose start is half over. Contacts that begin to slide at one time are fast enough at one time, too, up
-    /// to the error of the integration.
-    pub fn started(&mut self, i: usize, time: f64, y: &[f64]) -> Result<(), SimError> {
-        let (starts, first) = (self.starts(), self.active.lasting[i].touch);
+    /// to the error of the integration. Without a contact: of those whose start is over, which no guard tells where the choice of a mode leaves
+    /// them slip.
+    pub fn started(&mut self, i: Option<usize>, time: f64, y: &[f64]) -> Result<(), SimError> {
+        let (starts, first) = (self.starts(), i.map(|i| self.active.lasting[i].touch));
+        let (over, mut any) = (if first.is_some() { 0.5 } else { 1.0 }, false);
         self.slips((time, y), |own, n, u| {
             if let Hold::Starts { toward } = own.hold
-                && (own.touch == first || starts.share(u - n * n.dot(&u), toward) >= 0.5)
+                && (Some(own.touch) == first || starts.share(u - n * n.dot(&u), toward) >= over)
             {
                 own.hold = Hold::Slides { toward };
+                any = true;
             }
         })?;
-        self.follow_slip(time, y)
+        if any { self.follow_slip(time, y) } else { Ok(()) }
     }
 
     /// Takes out the components of slip across the directions of slip, of the contacts that slide, and stick or begin to slide in the mode

@@ -428,7 +428,7 @@ impl<A: Space> Run<'_, '_, A> {
             Guard::Turns(i) => return self.turn(i),
             Guard::MayClose(touch, ceases) => return if ceases { Ok(()) } else { self.refuse_overlap(touch) },
             Guard::Slackens(..) | Guard::Slider(..) => return Ok(()),
-            Guard::SlipGrows(i) => return self.motion.started(i, self.time, &before),
+            Guard::SlipGrows(i) => return self.motion.started(Some(i), self.time, &before),
             Guard::SlipStops(i) => {
                 self.motion.follow_slip(self.time, &before)?;
                 let touch = self.motion.active.lasting[i].touch;

@@ -8,7 +8,7 @@
 //! | [`Class::Leg`] | 300 | a time step; 10 Zeno times where gaps close or closed just before, because one ball may bounce hundreds of times before it rests | time steps |
 //! | [`Class::Impact`] | 7 | the Zeno time | the rest of them is one impact without restitution, if they accumulate |
 //! | [`Class::NormalForce`] | 2 | the Zeno time | the contact opens |
-//! | [`Class::Jam`] | 9 | no time: each ends the slip of a contact | time steps |
+//! | [`Class::Jam`] | 64 | no time: each ends the slip of a contact, or a law with tangential restitution leaves a share of it | time steps |
 
 use super::leap::Leap;
 use super::trajectory::Statistics;
@@ -72,7 +72,7 @@ impl Class {
             Self::Leg => 300,
             Self::Impact => 7,
             Self::NormalForce => 2,
-            Self::Jam => 9,
+            Self::Jam => 64,
         }
     }
 }

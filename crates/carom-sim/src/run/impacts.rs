@@ -23,7 +23,7 @@ use crate::motion::{Hold, Lasting, Motion, Near, Scale, direction_of_slip, push}
 use crate::state::{CLEAR, ContactImpulse, EQUAL, EXACT, ROUNDING, Space};
 use carom_chain::algebra::z_onto;
 use carom_contact::Met;
-use carom_impact::{Flags, Frictionless, ImpactOutcome, ImpactProblem, Law};
+use carom_impact::{Energetic, Flags, Frictionless, ImpactOutcome, ImpactProblem, Law};
 use nalgebra::Vector3;
 
 /// A touch after an impact.
@@ -498,7 +498,8 @@ impl<A: Space> Run<'_, '_, A> {
     }
 
     /// An impact without collision (Painlevé): the limit of the law's outcome for a vanishing approach velocity, for a single
-    /// closed contact that slides and jams, or whose slip turns into a jam. `false` if there is none.
+    /// closed contact that slides and jams, or whose slip turns into a jam. Of a law without one, such as that without friction, that of
+    /// Coulomb's friction along the impulse (Routh; Stronge's law without restitution). `false` if there is none.
     fn without_collision(&mut self, touch: usize) -> Result<bool, SimError> {
         let rest = self.motion.rest();
         let (sim, time) = (self.motion.sim, self.time);
@@ -529,11 +530,13 @@ impl<A: Space> Run<'_, '_, A> {
             (approach > 0.0 || hit.flags.contains(Flags::JAM))
                 && EQUAL * hit.impulse.z * gram[(2, 2)] > CLEAR * approach
         };
+        let routh = Energetic { restitution: 0.0, friction: one.contact.law.friction() };
+        let laws: [&dyn Law<f64, 3>; 2] = [&*one.contact.law, &routh];
         let mut found = None;
-        for approach in [0.0, tie] {
+        for (law, approach) in laws.into_iter().flat_map(|law| [(law, 0.0), (law, tie)]) {
             along.z = -approach;
             let problem = ImpactProblem::from_gram(gram, along);
-            let hits = problem.and_then(|problem| one.contact.law.branches(&problem)).unwrap_or_default();
+            let hits = problem.and_then(|problem| law.branches(&problem)).unwrap_or_default();
             found = hits.into_iter().find(is_finite);
             if found.is_some() {
                 break;

@@ -155,6 +155,20 @@ impl<A: Space> Run<'_, '_, A> {
         }
     }
 
+    /// The events of the contacts whose slip had a direction and begins anew.
+    pub fn note_starts(&mut self, old: &[Lasting], before: &[f64]) {
+        let begins = |old: &Lasting, now: &Lasting| match (old.hold, now.hold) {
+            (Hold::Slides { .. }, Hold::Starts { .. }) => true,
+            (Hold::Slides { toward }, Hold::Slides { toward: now }) => toward.dot(&now) < 0.0,
+            _ => false,
+        };
+        let pairs = old.iter().zip(&self.motion.active.lasting);
+        let begun: Vec<_> = pairs.filter(|(old, now)| begins(old, now)).map(|(_, now)| now.mode()).collect();
+        for mode in begun {
+            self.note(EventKind::Mode { mode }, before);
+        }
+    }
+
     /// Ends the slips of contacts and joints that would end soon and then rest; the energy that they lose is booked.
     pub fn end_slips(&mut self, candidates: &[Lasting]) -> Result<(), SimError> {
         if self.history.follows_slips {
