@@ -310,14 +310,23 @@ impl<A: Space> Motion<'_, A> {
 
     /// The direction of slip that has begun follows from it from now on: of the i-th contact, whose guard has fired by the direction of the accelerations
     /// that were computed last, and of those whose start is half over. Contacts that begin to slide at one time are fast enough at one time, too, up
-    /// to the error of the integration. Without a contact: of those whose start is over, which no guard tells where the choice of a mode leaves
-    /// them slip.
-    pub fn started(&mut self, i: Option<usize>, time: f64, y: &[f64]) -> Result<(), SimError> {
-        let (starts, first) = (self.starts(), i.map(|i| self.active.lasting[i].touch));
-        let (over, mut any) = (if first.is_some() { 0.5 } else { 1.0 }, false);
+    /// to the error of the integration.
+    pub fn started(&mut self, i: usize, time: f64, y: &[f64]) -> Result<(), SimError> {
+        let first = self.active.lasting[i].touch;
+        self.end_starts_if((time, y), |touch, share| touch == first || share >= 0.5)
+    }
+
+    /// The same of contacts whose start is over, as no guard tells where the choice of a mode leaves them slip.
+    pub fn end_long_starts(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {
+        if self.is_linear() { Ok(()) } else { self.end_starts_if((time, y), |_, share| share >= 1.0) }
+    }
+
+    /// `over`: of a touch, and how far the start of its slip is.
+    fn end_starts_if(&mut self, (time, y): (f64, &[f64]), over: impl Fn(usize, f64) -> bool) -> Result<(), SimError> {
+        let (starts, mut any) = (self.starts(), false);
         self.slips((time, y), |own, n, u| {
             if let Hold::Starts { toward } = own.hold
-                && (Some(own.touch) == first || starts.share(u - n * n.dot(&u), toward) >= over)
+                && over(own.touch, starts.share(u - n * n.dot(&u), toward))
             {
                 own.hold = Hold::Slides { toward };
                 any = true;

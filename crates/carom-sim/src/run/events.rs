@@ -80,7 +80,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             return Ok(Ending::Passed);
         }
         self.measure();
-        self.motion.started(None, self.time, &self.y)?;
+        self.motion.end_long_starts(self.time, &self.y)?;
         let (start, lasting) = (self.time, self.motion.active.lasting.clone());
         let mut flow = match Guarded::new(&mut self.motion, (self.time, kink), &self.y) {
             Err(SimError::Jam { .. }) => return Ok(Ending::Stuck(StepReason::NoMode)),
@@ -162,11 +162,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 let (before, events) = (self.y.clone(), self.history.events);
                 let old = self.motion.active.lasting.clone();
                 self.resettle(None, &[], &before)?;
-                if self.history.events == events {
-                    // A slip that is too slow to follow has ended, and begins in another direction.
-                    self.note_starts(&old, &before);
-                }
-                let goes_on = self.history.events != events || (reason == StepReason::NoMode && self.open_jammed()?);
+                let goes_on = self.history.events != events
+                    || self.note_turned((&old, true), &before)
+                    || (reason == StepReason::NoMode && self.open_jammed()?);
                 if goes_on { Ok(()) } else { self.no_mode(reason) }
             }
         }
@@ -345,8 +343,8 @@ mod tests {
             let mut run = sliding(&sim);
             let (before, noted) = (run.y.clone(), run.history.events);
             run.motion.active.lasting = vec![Lasting { touch: 0, hold: now }];
-            run.note_starts(&[Lasting { touch: 0, hold: old }], &before);
-            assert_eq!(run.history.events - noted, events, "{old:?} {now:?}");
+            let turned = run.note_turned((&[Lasting { touch: 0, hold: old }], true), &before);
+            assert_eq!((run.history.events - noted, turned), (events, events > 0), "{old:?} {now:?}");
         }
     }
 }

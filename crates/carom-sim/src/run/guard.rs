@@ -428,7 +428,7 @@ impl<A: Space> Run<'_, '_, A> {
             Guard::Turns(i) => return self.turn(i),
             Guard::MayClose(touch, ceases) => return if ceases { Ok(()) } else { self.refuse_overlap(touch) },
             Guard::Slackens(..) | Guard::Slider(..) => return Ok(()),
-            Guard::SlipGrows(i) => return self.motion.started(Some(i), self.time, &before),
+            Guard::SlipGrows(i) => return self.motion.started(i, self.time, &before),
             Guard::SlipStops(i) => {
                 self.motion.follow_slip(self.time, &before)?;
                 let touch = self.motion.active.lasting[i].touch;
@@ -470,7 +470,8 @@ impl<A: Space> Run<'_, '_, A> {
                 {
                     self.note_joint(k, &before);
                 }
-                Guard::SlipEnds => self.slips_on(&old, &before),
+                // A slip that seemed to end goes on, or has turned back at a dead point.
+                Guard::SlipEnds => self.history.slip_goes_on = !self.note_turned((&old, false), &before),
                 _ => {}
             }
         }

@@ -8,12 +8,13 @@
 //! | [`Class::Leg`] | 300 | a time step; 10 Zeno times where gaps close or closed just before, because one ball may bounce hundreds of times before it rests | time steps |
 //! | [`Class::Impact`] | 7 | the Zeno time | the rest of them is one impact without restitution, if they accumulate |
 //! | [`Class::NormalForce`] | 2 | the Zeno time | the contact opens |
-//! | [`Class::Jam`] | 64 | no time: each ends the slip of a contact, or a law with tangential restitution leaves a share of it | time steps |
+//! | [`Class::Jam`] | [`STEPS`] | no time: each ends the slip of a contact, or a law with tangential restitution leaves a share of it | time steps |
 
 use super::leap::Leap;
 use super::trajectory::Statistics;
 use crate::model::Simulation;
 use crate::motion::{ContactState, NonUnique};
+use crate::state::STEPS;
 use std::collections::VecDeque;
 
 /// The past of a run. Neighbouring runs start with the same one: their motions differ, their pasts do not.
@@ -72,7 +73,7 @@ impl Class {
             Self::Leg => 300,
             Self::Impact => 7,
             Self::NormalForce => 2,
-            Self::Jam => 64,
+            Self::Jam => STEPS,
         }
     }
 }

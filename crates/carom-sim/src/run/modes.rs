@@ -6,7 +6,6 @@ use super::trajectory::{EventKind, StepReason};
 use crate::error::SimError;
 use crate::motion::{Dry, DryJoint, Hold, Lasting};
 use crate::state::{EQUAL, Space};
-use nalgebra::Vector3;
 
 impl<A: Space> Run<'_, '_, A> {
     /// The contact point of a touch has left its faces and edges: others may strike in this instant, such as the far side of
@@ -143,30 +142,20 @@ impl<A: Space> Run<'_, '_, A> {
         Ok(())
     }
 
-    /// After a slip that seemed to end: it goes on, or has turned back at a dead point, which is an event. `old`: the contacts before.
-    pub fn slips_on(&mut self, old: &[Lasting], before: &[f64]) {
-        let toward = |own: &Lasting| if let Hold::Slides { toward } = own.hold { toward } else { Vector3::zeros() };
-        let pairs = old.iter().zip(&self.motion.active.lasting);
-        let turned = pairs.filter(|(old, own)| toward(old).dot(&toward(own)) < 0.0).map(|(_, own)| own.mode());
-        let turned: Vec<_> = turned.collect();
-        self.history.slip_goes_on = turned.is_empty();
-        for mode in turned {
-            self.note(EventKind::Mode { mode }, before);
-        }
-    }
-
-    /// The events of the contacts whose slip had a direction and begins anew.
-    pub fn note_starts(&mut self, old: &[Lasting], before: &[f64]) {
-        let begins = |old: &Lasting, now: &Lasting| match (old.hold, now.hold) {
-            (Hold::Slides { .. }, Hold::Starts { .. }) => true,
+    /// The events of contacts whose slip has turned back, or with `anew` has ended and begins in any direction, since their modes were `old`;
+    /// whether there are any.
+    pub fn note_turned(&mut self, (old, anew): (&[Lasting], bool), before: &[f64]) -> bool {
+        let turned = |old: &Lasting, now: &Lasting| match (old.hold, now.hold) {
             (Hold::Slides { toward }, Hold::Slides { toward: now }) => toward.dot(&now) < 0.0,
+            (Hold::Slides { .. }, Hold::Starts { .. }) => anew,
             _ => false,
         };
         let pairs = old.iter().zip(&self.motion.active.lasting);
-        let begun: Vec<_> = pairs.filter(|(old, now)| begins(old, now)).map(|(_, now)| now.mode()).collect();
-        for mode in begun {
-            self.note(EventKind::Mode { mode }, before);
+        let turned: Vec<_> = pairs.filter(|(old, now)| turned(old, now)).map(|(_, now)| now.mode()).collect();
+        for mode in &turned {
+            self.note(EventKind::Mode { mode: *mode }, before);
         }
+        !turned.is_empty()
     }
 
     /// Ends the slips of contacts and joints that would end soon and then rest; the energy that they lose is booked.
